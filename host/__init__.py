@@ -1,0 +1,1 @@
+"""The robot's host side: camera, net, depth, navigation, link, simulation."""

@@ -1,0 +1,1 @@
+"""Sources of frames behind one URI, and the lens they look through."""
