@@ -1,0 +1,1 @@
+"""The serial link: schema and codec, clock estimate, client and transport."""

@@ -1,0 +1,483 @@
+"""The link's schema and codec: typed messages on one side, bytes on the other, and no I/O.
+
+The schema is the message classes below. ``python -m host.link.generate`` writes firmware/src/messages.h,
+the tables of docs/protocol.md and the golden vectors from them. docs/protocol.md says how to use them.
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass, fields
+from enum import IntEnum
+from typing import Annotated, ClassVar, NamedTuple, get_args, get_type_hints
+
+PROTOCOL_VERSION = 1  # of framing, checksum and handshake; messages are covered by SCHEMA_HASH
+BAUD = 250_000  # exact on a 16 MHz ATmega328P, where 115200 is 2.1 % off
+
+DEAD_MAN_US = 200_000  # a setpoint holds no longer than this, whatever its DRIVE says
+DRIVE_AHEAD_MAX_US = 500_000  # a deadline further ahead shows that the host has lost the robot's clock
+TELEMETRY_PERIOD_US = 10_000
+LINK_STATUS_PERIOD_US = 200_000
+STALE_WINDOW = 16  # sequence numbers this close behind the newest are repeats or were overtaken
+NO_EDGE_US = 0xFFFF_FFFF  # edge age while a wheel has not turned since boot, or not for 2^31 us
+
+# --- Wire types ---------------------------------------------------------------------------------
+
+
+class Wire(NamedTuple):
+    """How an integer travels; always little endian."""
+
+    name: str
+    code: str  # of the struct module
+
+    @property
+    def size(self) -> int:
+        return struct.calcsize("<" + self.code)
+
+    @property
+    def signed(self) -> bool:
+        return self.code.islower()
+
+    @property
+    def values(self) -> range:
+        """All it can carry."""
+        count = 1 << 8 * self.size
+        return range(-count // 2, count // 2) if self.signed else range(count)
+
+
+u8 = Wire("u8", "B")
+u16 = Wire("u16", "H")
+u32 = Wire("u32", "I")
+i16 = Wire("i16", "h")
+i32 = Wire("i32", "i")
+
+# --- Enumerations -------------------------------------------------------------------------------
+
+
+class State(IntEnum):
+    """What the supervisor allows."""
+
+    BOOT = 0  # no host has said HELLO_REQUEST yet; motors off
+    READY = 1  # standing, may drive
+    DRIVING = 2  # follows DRIVE
+    MOVING = 3  # follows a move of known length
+    STOPPED = 4  # braking after STOP
+    FAULT = 5  # motors off until CLEAR
+
+
+class Fault(IntEnum):
+    """Why the motors are off; the first cause is kept until CLEAR."""
+
+    NONE = 0
+    LINK_LOST = 1  # the last setpoint expired and nobody said STOP
+    ESTOP_FRAME = 2
+    ESTOP_BUTTON = 3
+    STALL = 4
+    ENCODER_DEAD = 5
+    ENCODER_REVERSED = 6  # or the two wheels swapped
+    RUNAWAY = 7
+    BATTERY_LOW = 8
+    OVERRUN = 9  # the control tick came too late
+    WATCHDOG = 10
+
+
+class ResetCause(IntEnum):
+    """Why the robot last started."""
+
+    UNKNOWN = 0
+    POWER_ON = 1
+    EXTERNAL = 2  # reset button, or DTR when the port was opened
+    BROWN_OUT = 3
+    WATCHDOG = 4
+
+
+class Refusal(IntEnum):
+    """Why a message was not obeyed."""
+
+    NO_SESSION = 1  # HELLO_REQUEST must come first after every start
+    SCHEMA = 2  # HELLO_REQUEST named another protocol version or schema hash
+    EXPIRED = 3  # the deadline of a DRIVE had passed when it arrived
+    BAD_VALUE = 4  # speed out of range, or a deadline too far ahead
+    FAULT_LATCHED = 5  # CLEAR first
+    BAD_NONCE = 6  # CLEAR from before the last reset
+    FAULT_PERSISTS = 7  # CLEAR while the cause is still there
+
+
+# --- Messages to the robot: ids below 0x80 ------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class HelloRequest:
+    """Opens a session; the robot answers HELLO, or NACK and no motion when the schemas differ.
+
+    Fixed for ever, as HELLO is: two versions must be able to say that they differ.
+    """
+
+    ID: ClassVar[int] = 0x01
+    protocol_version: Annotated[int, u8, "the host's PROTOCOL_VERSION"]
+    schema_hash: Annotated[int, u32, "the host's SCHEMA_HASH"]
+
+
+@dataclass(frozen=True, slots=True)
+class Ping:
+    """Asks for PONG: the robot's clock, and whether anybody is there."""
+
+    ID: ClassVar[int] = 0x02
+    host_time_us: Annotated[int, u32, "any number; comes back in PONG"]
+
+
+@dataclass(frozen=True, slots=True)
+class Drive:
+    """A setpoint; the latest wins, and it dies at its deadline."""
+
+    ID: ClassVar[int] = 0x03
+    v_mm_s: Annotated[int, i16, "forward speed"]
+    omega_mrad_s: Annotated[int, i16, "turn rate, positive to the right"]
+    expires_us: Annotated[int, u32, "robot's clock at which the setpoint dies; at most 200 ms hold"]
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """Brake to a standstill; no fault is latched."""
+
+    ID: ClassVar[int] = 0x04
+
+
+@dataclass(frozen=True, slots=True)
+class EStop:
+    """Motors off at once, in any state and any order; latched until CLEAR."""
+
+    ID: ClassVar[int] = 0x05
+
+
+@dataclass(frozen=True, slots=True)
+class Clear:
+    """Unlatch the fault; the nonce proves that this start of the robot is meant."""
+
+    ID: ClassVar[int] = 0x06
+    boot_nonce: Annotated[int, u32, "from HELLO or TELEMETRY"]
+
+
+# --- Messages to the host: ids from 0x80 --------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Hello:
+    """Who the robot is: answers HELLO_REQUEST, and is sent once unasked after every start.
+
+    Fixed for ever, as HELLO_REQUEST is.
+    """
+
+    ID: ClassVar[int] = 0x81
+    protocol_version: Annotated[int, u8, "the robot's PROTOCOL_VERSION"]
+    schema_hash: Annotated[int, u32, "the robot's SCHEMA_HASH"]
+    build_id: Annotated[int, u32, "of the firmware"]
+    reset_cause: Annotated[ResetCause, u8, "why the robot last started"]
+    boot_nonce: Annotated[int, u32, "another number after every start"]
+
+
+@dataclass(frozen=True, slots=True)
+class Pong:
+    """Answers PING."""
+
+    ID: ClassVar[int] = 0x82
+    host_time_us: Annotated[int, u32, "from PING"]
+    mcu_time_us: Annotated[int, u32, "robot's clock when PING was handled"]
+
+
+@dataclass(frozen=True, slots=True)
+class Telemetry:
+    """The robot's state, every 10 ms."""
+
+    ID: ClassVar[int] = 0x83
+    mcu_time_us: Annotated[int, u32, "robot's clock at which everything below held"]
+    state: Annotated[State, u8, "what the supervisor allows"]
+    fault: Annotated[Fault, u8, "why not"]
+    count_left: Annotated[int, i32, "left encoder, counts since boot, forward positive"]
+    count_right: Annotated[int, i32, "right encoder, counts since boot, forward positive"]
+    edge_age_left_us: Annotated[int, u32, "since the left encoder's last edge; 2^32-1: none, or over 2^31"]
+    edge_age_right_us: Annotated[int, u32, "since the right encoder's last edge; 2^32-1: none, or over 2^31"]
+    speed_left_mm_s: Annotated[int, i16, "left wheel, as estimated by the control loop"]
+    speed_right_mm_s: Annotated[int, i16, "right wheel, as estimated by the control loop"]
+    duty_left_permille: Annotated[int, i16, "left motor, -1000 to 1000"]
+    duty_right_permille: Annotated[int, i16, "right motor, -1000 to 1000"]
+    battery_mv: Annotated[int, u16, "0: not measured"]
+    illegal_left: Annotated[int, u16, "impossible transitions of the left encoder, wraps"]
+    illegal_right: Annotated[int, u16, "impossible transitions of the right encoder, wraps"]
+    boot_nonce: Annotated[int, u32, "as in HELLO; a change means that the robot restarted"]
+    drive_seq: Annotated[int, u8, "sequence number of the last DRIVE obeyed"]
+
+
+@dataclass(frozen=True, slots=True)
+class Nack:
+    """A message arrived whole and was not obeyed."""
+
+    ID: ClassVar[int] = 0x84
+    message: Annotated[int, u8, "id of the message refused"]
+    seq: Annotated[int, u8, "its sequence number"]
+    reason: Annotated[Refusal, u8, "why"]
+
+
+@dataclass(frozen=True, slots=True)
+class LinkStatus:
+    """What the robot's end of the link saw, every 200 ms; counts since boot, each wraps."""
+
+    ID: ClassVar[int] = 0x85
+    frames: Annotated[int, u16, "received whole and correct"]
+    crc: Annotated[int, u16, "frames dropped: checksum wrong"]
+    framing: Annotated[int, u16, "frames dropped: COBS broken, or too short to be a frame"]
+    overlong: Annotated[int, u16, "frames dropped: longer than any message"]
+    unknown: Annotated[int, u16, "frames dropped: no message has this id"]
+    length: Annotated[int, u16, "frames dropped: wrong length for the message"]
+    lost: Annotated[int, u16, "messages that never came, by the gaps in the sequence numbers"]
+    stale: Annotated[int, u16, "frames dropped: repeated, or overtaken by a later one"]
+    tx_dropped: Annotated[int, u16, "messages not sent for want of room"]
+    rx_overrun: Annotated[int, u16, "bytes lost before the decoder saw them"]
+
+
+Message = (
+    HelloRequest | Ping | Drive | Stop | EStop | Clear | Hello | Pong | Telemetry | Nack | LinkStatus
+)  # fmt: skip
+
+MESSAGES: tuple[type[Message], ...] = get_args(Message)
+ENUMERATIONS: tuple[type[IntEnum], ...] = (State, Fault, ResetCause, Refusal)
+
+# --- Layouts, read from the classes -------------------------------------------------------------
+
+
+class Field(NamedTuple):
+    """One field of a message."""
+
+    name: str
+    wire: Wire
+    enumeration: type[IntEnum] | None
+    meaning: str
+
+
+class Layout(NamedTuple):
+    """How a message lies in a payload: its fields in order, without padding."""
+
+    type: type[Message]
+    fields: tuple[Field, ...]
+    packing: struct.Struct
+
+    @property
+    def id(self) -> int:
+        return self.type.ID
+
+    @property
+    def to_host(self) -> bool:
+        return self.id >= 0x80
+
+    @property
+    def size(self) -> int:
+        """Bytes of payload."""
+        return self.packing.size
+
+
+def _layout(message: type[Message]) -> Layout:
+    hints = get_type_hints(message, include_extras=True)
+    listed = []
+    for field in fields(message):
+        kind, wire, meaning = get_args(hints[field.name])
+        listed.append(Field(field.name, wire, None if kind is int else kind, meaning))
+    packing = struct.Struct("<" + "".join(field.wire.code for field in listed))
+    return Layout(message, tuple(listed), packing)
+
+
+LAYOUTS: dict[int, Layout] = {message.ID: _layout(message) for message in MESSAGES}
+
+
+def build(layout: Layout, values: tuple[int, ...]) -> Message:
+    """The message of `layout` with these field values; ValueError if an enumeration lacks one."""
+    return layout.type(*(
+        field.enumeration(value) if field.enumeration else value
+        for field, value in zip(layout.fields, values, strict=True)
+    ))  # fmt: skip
+
+
+# --- Checksum -----------------------------------------------------------------------------------
+
+
+def _crc_table() -> tuple[int, ...]:
+    table = []
+    for value in range(256):
+        for _ in range(8):
+            value = value >> 1 ^ (0x82F6_3B78 if value & 1 else 0)
+        table.append(value)
+    return tuple(table)
+
+
+_CRC_TABLE = _crc_table()
+
+
+def crc32c(data: bytes) -> int:
+    """CRC-32C (Castagnoli): reflected polynomial 0x82F63B78, start and final XOR 0xFFFFFFFF."""
+    crc = 0xFFFF_FFFF
+    for byte in data:
+        crc = crc >> 8 ^ _CRC_TABLE[(crc ^ byte) & 0xFF]
+    return crc ^ 0xFFFF_FFFF
+
+
+def schema_text() -> str:
+    """Everything two ends must agree on to read each other's payloads, one thing a line."""
+    lines = [f"version {PROTOCOL_VERSION}"]
+    for enumeration in ENUMERATIONS:
+        values = " ".join(f"{member.name}={member.value}" for member in enumeration)
+        lines.append(f"enum {enumeration.__name__} {values}")
+    for layout in sorted(LAYOUTS.values(), key=lambda layout: layout.id):
+        parts = [f"{field.name}:{field.wire.name}" for field in layout.fields]
+        lines.append(" ".join([f"message {layout.id:#04x} {layout.type.__name__}", *parts]))
+    return "\n".join(lines) + "\n"
+
+
+SCHEMA_HASH = crc32c(schema_text().encode())
+
+# --- Frames: COBS(id, seq, payload, CRC-32C), 0x00 ----------------------------------------------
+
+OVERHEAD = 6  # id, sequence number, checksum
+RAW_MAX = 253  # COBS then needs one extra byte, always, and never its 0xFF block
+
+
+def _raw_max(to_host: bool) -> int:
+    return OVERHEAD + max(layout.size for layout in LAYOUTS.values() if layout.to_host == to_host)
+
+
+RAW_MAX_TO_ROBOT = _raw_max(to_host=False)
+RAW_MAX_TO_HOST = _raw_max(to_host=True)
+assert max(RAW_MAX_TO_ROBOT, RAW_MAX_TO_HOST) <= RAW_MAX
+
+
+def cobs_encode(raw: bytes) -> bytes:
+    """`raw` (at most 253 bytes) without its zeros, one byte longer."""
+    return b"".join(bytes([len(block) + 1]) + block for block in raw.split(b"\0"))
+
+
+def cobs_decode(coded: bytes) -> bytes | None:
+    """What `coded`, at least one byte and no zeros, stands for; None if its blocks do not add up."""
+    blocks = []
+    at = 0
+    while at < len(coded):
+        end = at + coded[at]
+        blocks.append(coded[at + 1 : end])
+        at = end
+    return b"\0".join(blocks) if at == len(coded) else None
+
+
+def encode(message: Message, seq: int) -> bytes:
+    """The bytes of one frame, its delimiter included.
+
+    Parameters
+    ----------
+    message
+        Any message of the schema.
+    seq
+        Sequence number, 0 to 255.
+
+    Raises
+    ------
+    ValueError
+        A field does not fit its wire type.
+    """
+    layout = LAYOUTS[message.ID]
+    try:
+        payload = layout.packing.pack(*(getattr(message, field.name) for field in layout.fields))
+    except struct.error as error:
+        raise ValueError(f"{message} does not fit its wire types: {error}") from None
+    body = bytes([message.ID, seq]) + payload
+    return cobs_encode(body + struct.pack("<I", crc32c(body))) + b"\0"
+
+
+class Received(NamedTuple):
+    """A message that came whole and in its turn."""
+
+    seq: int
+    message: Message
+
+
+@dataclass
+class Counters:
+    """What this end of the link saw; the names are those of LinkStatus."""
+
+    frames: int = 0  # received whole and correct
+    crc: int = 0  # dropped: checksum wrong
+    framing: int = 0  # dropped: COBS broken, or too short to be a frame
+    overlong: int = 0  # dropped: longer than any message
+    unknown: int = 0  # dropped: no message of this direction has this id
+    length: int = 0  # dropped: wrong length for the message
+    value: int = 0  # dropped: a number its enumeration does not have
+    lost: int = 0  # messages that never came, by the gaps in the sequence numbers
+    stale: int = 0  # dropped: repeated, or overtaken by a later one
+
+
+class Decoder:
+    """Bytes of one direction in, messages out; finds its feet again at the next delimiter.
+
+    Parameters
+    ----------
+    to_host
+        Which direction's messages to accept: True on the host, False on the robot.
+    """
+
+    def __init__(self, *, to_host: bool) -> None:
+        self.counters = Counters()
+        self._to_host = to_host
+        self._coded_max = 1 + (RAW_MAX_TO_HOST if to_host else RAW_MAX_TO_ROBOT)
+        self._partial = b""
+        self._newest: int | None = None
+
+    def feed(self, data: bytes) -> list[Received]:
+        """Messages completed by `data`, in order. Never raises, whatever the bytes."""
+        *ended, rest = data.split(b"\0")
+        received = []
+        for part in ended:
+            frame, self._partial = self._partial + part, b""
+            if frame and (one := self._decode(frame)):
+                received.append(one)
+        # One byte too many is kept: enough to know at the delimiter that the frame was overlong.
+        self._partial = (self._partial + rest)[: self._coded_max + 1]
+        return received
+
+    def _decode(self, coded: bytes) -> Received | None:
+        counters = self.counters
+        if len(coded) > self._coded_max:
+            counters.overlong += 1
+            return None
+        raw = cobs_decode(coded)
+        if raw is None or len(raw) < OVERHEAD:
+            counters.framing += 1
+            return None
+        body, (checksum,) = raw[:-4], struct.unpack("<I", raw[-4:])
+        if crc32c(body) != checksum:
+            counters.crc += 1
+            return None
+        counters.frames += 1
+        message = self._parse(body[0], body[2:])
+        return Received(body[1], message) if self._in_turn(body[0], body[1]) and message else None
+
+    def _parse(self, message_id: int, payload: bytes) -> Message | None:
+        layout = LAYOUTS.get(message_id)
+        if layout is None or layout.to_host != self._to_host:
+            self.counters.unknown += 1
+            return None
+        if len(payload) != layout.size:
+            self.counters.length += 1
+            return None
+        try:
+            return build(layout, layout.packing.unpack(payload))
+        except ValueError:
+            self.counters.value += 1
+            return None
+
+    def _in_turn(self, message_id: int, seq: int) -> bool:
+        """Follow the sequence numbers; False for what is repeated or was overtaken."""
+        if self._newest is None or message_id in (HelloRequest.ID, Hello.ID):
+            self._newest = seq  # a session starts here: nothing before it can be missing
+            return True
+        behind = (self._newest - seq) & 0xFF
+        if behind < STALE_WINDOW:
+            self.counters.stale += 1
+            return message_id == EStop.ID  # honoured in any order
+        self.counters.lost += (seq - self._newest - 1) & 0xFF
+        self._newest = seq
+        return True
