@@ -1,0 +1,1 @@
+"""Metric depth of regions and vertices from the tracked net and the camera's own motion."""

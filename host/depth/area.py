@@ -1,0 +1,196 @@
+"""Depth from the growth of a region's area (Eq. 14-18), with rotation taken out, over all frames of a run.
+
+Eq. 14 says that the area of a frontal surface goes with 1/Z^2, so 1/sqrt(A) is linear in Z, and with
+Z = Z0 - d (Eq. 9) linear in the distance d driven towards it:
+
+    1/sqrt(A_k) = s * (Z0 - d_k)
+
+Two frames give Eq. 16; more are a regression whose intercept over slope is the depth. The sensitivity
+of Eq. 18, dA/dZ = 2 A / Z, makes a relative area error e worth (Z / dZ) * e / sqrt(2) of the depth.
+
+Areas are compared in one fixed orientation of the camera: that of the first frame of the region's
+history. Turning the camera changes an area element by 1/(r3 . p)^3; the exact change is taken from the
+region's own polygon.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from host.camera.lens import Lens
+from host.depth.config import DepthConfig
+from host.depth.motion import Station, most_redundant, travel_sigma_cm
+from host.depth.report import Declined, Estimate
+from host.rbdn.snapshot import Region, Snapshot
+
+MIN_FACING = 0.5  # cosine beyond which the common orientation no longer faces the region
+BREAK_SIGMAS = 6.0  # two frames in a row this far from the line begin a new history
+FORGET_FRAMES = 30  # a region not seen for so long has no history
+
+
+@dataclass(frozen=True)
+class _Sight:
+    """One measurement of a region, in the orientation common to its history."""
+
+    station: Station
+    inverse_size: float  # 1/sqrt(A), A in units of the plane Z = 1
+    relative_sigma: float  # of inverse_size
+    shape: np.ndarray  # (3,) second moments over area: xx, yy, xy; pure scaling leaves them alone
+
+
+@dataclass
+class _History:
+    rotation: np.ndarray  # (3, 3) camera-to-world rotation all areas are compared in
+    sights: list[_Sight] = field(default_factory=list)
+    last_seq: int = 0
+    off_line: int = 0  # frames in a row that did not fit
+
+
+def polygon_moments(loops: list[np.ndarray]) -> tuple[float, np.ndarray, np.ndarray]:
+    """Area, centroid (2,) and central second moments (3,) = xx, yy, xy of loops with holes.
+
+    The first loop is the outer one; the rest are taken away from it whatever way they turn.
+    """
+    area, first, second = 0.0, np.zeros(2), np.zeros(3)
+    for k, loop in enumerate(loops):
+        x, y = loop[:, 0], loop[:, 1]
+        x1, y1 = np.roll(x, -1), np.roll(y, -1)
+        cross = x * y1 - x1 * y
+        a = 0.5 * cross.sum()
+        sign = (1.0 if k == 0 else -1.0) * (1.0 if a >= 0 else -1.0)
+        area += sign * a
+        first += sign * np.array([((x + x1) * cross).sum(), ((y + y1) * cross).sum()]) / 6
+        xx = ((x * x + x * x1 + x1 * x1) * cross).sum() / 12
+        yy = ((y * y + y * y1 + y1 * y1) * cross).sum() / 12
+        xy = ((x * y1 + 2 * x * y + 2 * x1 * y1 + x1 * y) * cross).sum() / 24
+        second += sign * np.array([xx, yy, xy])
+    if area <= 0:
+        return 0.0, np.zeros(2), np.zeros(3)
+    centre = first / area
+    spread = second / area - np.array([centre[0] ** 2, centre[1] ** 2, centre[0] * centre[1]])
+    return area, centre, spread
+
+
+class AreaMethod:
+    """Follows the areas of all regions and answers with depths."""
+
+    def __init__(self, lens: Lens, config: DepthConfig) -> None:
+        self._lens = lens
+        self._config = config
+        self._histories: dict[int, _History] = {}
+
+    def update(self, snapshot: Snapshot, station: Station) -> dict[int, Estimate | Declined]:
+        """Depths of the regions of `snapshot`, seen from `station`, by region id."""
+        for event in snapshot.events:
+            # what split or swallowed another is not the thing whose area was followed
+            if event.kind in ("split", "merge"):
+                for broken in (event.id, event.parent):
+                    self._histories.pop(broken if broken is not None else -1, None)
+        for old in [k for k, h in self._histories.items() if snapshot.seq - h.last_seq > FORGET_FRAMES]:
+            del self._histories[old]
+        return {region.id: self._region(region, station) for region in snapshot.regions}
+
+    def _region(self, region: Region, station: Station) -> Estimate | Declined:
+        if region.touches_border:
+            self._histories.pop(region.id, None)
+            return Declined("cut by the image border")
+        rays = [self._lens.to_rays(loop) for loop in region.loops]
+        history = self._histories.setdefault(region.id, _History(station.pose.rotation))
+        history.last_seq = station.seq
+        turned = self._turned(rays, history.rotation.T @ station.pose.rotation)
+        if turned is None:
+            self._histories[region.id] = history = _History(station.pose.rotation, last_seq=station.seq)
+            turned = rays
+        area, centre, spread = polygon_moments(turned)
+        polygon_px = polygon_moments(list(region.loops))[0]
+        if area <= 0 or polygon_px <= 0 or region.area_px <= 0:
+            return Declined("no area")
+        # the polygon only says how the lens and the rotation scale the measured soft area
+        area *= region.area_px / polygon_px
+        sight = _Sight(station, area**-0.5, 0.5 * region.sigma_area_px / region.area_px, spread / area)
+        return self._answer(history, sight, centre)
+
+    @staticmethod
+    def _turned(rays: list[np.ndarray], rotation: np.ndarray) -> list[np.ndarray] | None:
+        out = []
+        for loop in rays:
+            p = loop @ rotation[:, :2].T + rotation[:, 2]
+            if (p[:, 2] < MIN_FACING * np.linalg.norm(p, axis=1)).any():
+                return None
+            out.append(p[:, :2] / p[:, 2:])
+        return out
+
+    def _answer(self, history: _History, sight: _Sight, centre: np.ndarray) -> Estimate | Declined:
+        sights = history.sights
+        moved = not sights or _distance(sights[-1], sight) >= self._config.min_step_cm
+        seen = [*sights, sight]
+        answer, residual = self._regress(history, seen, centre)
+        if moved:
+            history.off_line = history.off_line + 1 if residual > BREAK_SIGMAS else 0
+            sights.append(sight)
+            if history.off_line >= 2:
+                history.sights = sights[-2:]
+                history.off_line = 0
+                return Declined("its area jumped; a new baseline begins")
+            if len(sights) > self._config.area_history:
+                positions = np.array([s.station.pose.position_cm for s in sights])
+                del sights[most_redundant(positions, sight.station.pose.position_cm)]
+        return answer
+
+    def _regress(
+        self, history: _History, sights: list[_Sight], centre: np.ndarray
+    ) -> tuple[Estimate | Declined, float]:
+        """The answer, and how many sigmas the newest sight is off the line of the others."""
+        c = self._config
+        now = sights[-1].station
+        back = history.rotation.T
+        driven = np.array([(back @ (s.station.pose.position_cm - now.pose.position_cm))[2] for s in sights])
+        y = np.array([s.inverse_size for s in sights])
+        growth = float(y.max() / y.min() - 1)
+        if len(sights) < 2 or growth < c.min_change or np.ptp(driven) < c.min_step_cm:
+            return Declined("too little motion towards it"), 0.0
+        sigma = y * np.array([max(s.relative_sigma, 1e-4) for s in sights])
+        weight = sigma**-2
+        robust = np.ones(len(y))
+        for _ in range(5 if len(y) >= 4 else 1):
+            w = weight * robust
+            mean_d, mean_y = np.average(driven, weights=w), np.average(y, weights=w)
+            sdd = (w * (driven - mean_d) ** 2).sum()
+            slope = (w * (driven - mean_d) * (y - mean_y)).sum() / sdd
+            off = (y - mean_y - slope * (driven - mean_d)) / sigma
+            scale = max(1.0, 1.4826 * float(np.median(np.abs(off))))
+            robust = np.clip(1 - (off / (4.7 * scale)) ** 2, 0.02, 1) ** 2
+        residual = float(abs(off[-1]) / scale) if len(y) >= 4 else 0.0
+        if slope >= 0:
+            return Declined("its area does not grow with the motion"), residual
+        y_now = mean_y - slope * mean_d
+        depth_then = -y_now / slope
+        # variance of intercept over slope: of y at the present, and of the slope about the mean
+        chi2 = scale**2
+        lever = -mean_d + depth_then  # distance from the data's mean to where the line meets zero
+        variance = chi2 / slope**2 * (1 / w.sum() + lever**2 / sdd)
+        first = sights[int(np.argmax(np.abs(driven)))].station
+        baseline = max(abs(driven).max(), 1e-9)
+        odometry = travel_sigma_cm(now, first) / baseline
+        ray = np.array([*centre, 1.0])
+        depth = depth_then * float((now.pose.rotation.T @ history.rotation @ ray)[2])
+        relative = np.sqrt(variance / depth_then**2 + odometry**2 + c.area_model_share**2)
+        change = self._shape_change(sights[int(np.argmax(np.abs(driven)))], sights[-1])
+        allowed = c.area_shape_change * growth + 8 * sights[-1].relative_sigma
+        if change > allowed:
+            return Declined(f"its shape changed by {100 * change:.0f} %, not only its size"), residual
+        if depth <= 0 or relative > c.max_relative_sigma:
+            return Declined(f"too uncertain ({100 * relative:.0f} %)"), residual
+        return Estimate(depth, float(relative * depth)), residual
+
+    @staticmethod
+    def _shape_change(a: _Sight, b: _Sight) -> float:
+        """Half the relative change of the second moments over area; zero for pure scaling."""
+        size = 0.5 * (a.shape[0] + a.shape[1])
+        return float(0.5 * np.abs(b.shape - a.shape).max() / size)
+
+
+def _distance(a: _Sight, b: _Sight) -> float:
+    return float(np.linalg.norm(b.station.pose.position_cm - a.station.pose.position_cm))

@@ -1,0 +1,32 @@
+"""What of the depth estimators may be set, with the values that worked."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class DepthConfig:
+    """Settings of the depth estimators. Shares are fractions of the depth unless said otherwise."""
+
+    # how far the poses are to be trusted where they do not say so themselves
+    travel_sigma_cm: float = 0.02  # of one reading of the travelled distance
+    rotation_sigma_rad: float = 0.0001  # of the rotation from one frame to the next
+    min_step_cm: float = 0.3  # a frame nearer than this to the last one kept adds nothing and is not kept
+
+    # when to answer at all
+    min_change: float = 0.015  # relative change of size or bearing that a baseline must cause
+    max_relative_sigma: float = 0.4  # a depth worse than this is declined
+
+    # area
+    area_history: int = 32  # frames kept for each region
+    area_shape_change: float = 0.35  # change of shape over change of size beyond which area declines
+    area_model_share: float = 0.02  # model error: regions are not frontal planes
+
+    # vertices
+    vertex_history: int = 20  # frames kept
+    vertex_default_sigma_px: float = 0.5  # of a vertex that does not know its own
+    vertex_model_share: float = 0.02  # model error of a region's mean against its corners
+
+    # how quickly old answers are forgotten, per cm driven
+    memory_share_per_cm: float = 0.002

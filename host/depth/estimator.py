@@ -1,0 +1,70 @@
+"""The face of the room: one call per frame from the net's snapshot and the pose to depths."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from host.camera.lens import Lens
+from host.depth.area import AreaMethod
+from host.depth.config import DepthConfig
+from host.depth.fuse import Memory, as_region_depth, combine
+from host.depth.motion import Station, first_station, next_station
+from host.depth.report import Declined, DepthReport, Estimate
+from host.depth.vertex import VertexMethod
+from host.pose import Pose
+from host.rbdn.snapshot import Region, Snapshot
+
+
+class Estimator:
+    """Depth of every region and vertex, from all frames of the run so far.
+
+    Parameters
+    ----------
+    lens : intrinsics of the camera the snapshots come from
+    config : settings
+    """
+
+    def __init__(self, lens: Lens, config: DepthConfig | None = None) -> None:
+        self._lens = lens
+        self._config = config or DepthConfig()
+        self._area = AreaMethod(lens, self._config)
+        self._vertex = VertexMethod(lens, self._config)
+        self._memory = Memory(self._config)
+        self._station: Station | None = None
+
+    def update(self, snapshot: Snapshot, pose: Pose) -> DepthReport:
+        """Take in one frame.
+
+        Parameters
+        ----------
+        snapshot : the net after the frame
+        pose : where the camera was when the frame was taken
+        """
+        station = (
+            first_station(snapshot.seq, pose, self._config)
+            if self._station is None
+            else next_station(self._station, snapshot.seq, pose, self._config)
+        )
+        self._station = station
+        for event in snapshot.events:
+            if event.kind in ("split", "merge"):
+                self._memory.forget(event.id)
+                if event.parent is not None:
+                    self._memory.forget(event.parent)
+        self._memory.forget_unseen(snapshot.seq)
+        areas = self._area.update(snapshot, station)
+        vertices = self._vertex.update(snapshot, station)
+        regions = {}
+        for region in snapshot.regions:
+            answers = {"area": areas[region.id], "vertex": self._vertex.region(region, vertices)}
+            estimates = {m: a for m, a in answers.items() if isinstance(a, Estimate)}
+            declined = {m: a.reason for m, a in answers.items() if isinstance(a, Declined)}
+            fused = self._memory.update(region.id, combine(estimates), self._middle(region), station)
+            regions[region.id] = as_region_depth(fused, estimates, declined)
+        return DepthReport(regions, vertices)
+
+    def _middle(self, region: Region) -> np.ndarray:
+        """Ray (3,) towards the middle of the region's outline."""
+        loop = region.loops[0]
+        ray = self._lens.to_rays(0.5 * (loop.min(axis=0) + loop.max(axis=0))[None])[0]
+        return np.array([ray[0], ray[1], 1.0])
