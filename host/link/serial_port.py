@@ -1,0 +1,76 @@
+"""The real line: a serial port through pyserial."""
+
+from __future__ import annotations
+
+import errno
+import getpass
+import os
+
+import serial
+
+from host.errors import DeviceError
+from host.link.protocol import BAUD
+
+WRITE_TIMEOUT_S = 0.1  # a frame takes 1 ms; a line blocked for longer is a broken one
+
+
+class SerialPort:
+    """Transport over a serial port such as ``/dev/ttyACM0``, at the protocol's 250000 baud.
+
+    Raises
+    ------
+    DeviceError
+        The port is missing, forbidden or busy.
+    """
+
+    def __init__(self, path: str) -> None:
+        self._path = path
+        try:
+            self._port = serial.Serial(path, BAUD, timeout=0, write_timeout=WRITE_TIMEOUT_S, exclusive=True)
+            self._port.reset_input_buffer()
+        except (OSError, ValueError) as error:
+            raise DeviceError(_why_not_open(path, error)) from None
+
+    def write(self, data: bytes) -> None:
+        """Send all of `data`."""
+        try:
+            self._port.write(data)
+        except serial.SerialTimeoutException:
+            raise DeviceError(f"{self._path} takes no more bytes: check the cable, then reconnect") from None
+        except OSError as error:
+            raise self._lost(error) from None
+
+    def read(self) -> bytes:
+        """What has arrived, without waiting."""
+        try:
+            return self._port.read(self._port.in_waiting)
+        except OSError as error:
+            raise self._lost(error) from None
+
+    def close(self) -> None:
+        """Close the port."""
+        self._port.close()
+
+    def _lost(self, error: OSError) -> DeviceError:
+        return DeviceError(f"{self._path} is gone ({error}): plug the robot in again, then reconnect")
+
+
+def _why_not_open(path: str, error: Exception) -> str:
+    number = getattr(error, "errno", None)
+    if number == errno.EACCES:
+        user = getpass.getuser()
+        return (
+            f"{path} may not be opened by {user}: run `sudo usermod -aG dialout {user}`, then log out and in"
+        )
+    if number == errno.ENOENT:
+        ports = ", ".join(_ports())
+        remedy = f"the ports here are {ports}" if ports else "plug the robot in, no serial port is here"
+        return f"{path} does not exist: {remedy}"
+    if number in (errno.EBUSY, errno.EAGAIN):
+        return f"{path} is in use: close the other program that has it open"
+    return f"{path} cannot be opened as a serial port: {error}"
+
+
+def _ports() -> list[str]:
+    names = sorted(name for name in os.listdir("/dev") if name.startswith(("ttyACM", "ttyUSB")))
+    return [f"/dev/{name}" for name in names]
