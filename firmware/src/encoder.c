@@ -8,11 +8,10 @@ void encoder_edges_init(struct encoder_edges *edges, uint8_t pins)
     *edges = (struct encoder_edges){.phase = encoder_phase(pins)};
 }
 
-void encoder_init(struct encoder *encoder, const struct encoder_edges *edges, uint16_t um_per_count,
-                  uint32_t now_us)
+void encoder_init(struct encoder *encoder, const struct encoder_edges *edges, uint16_t um_per_count)
 {
     *encoder = (struct encoder){
-        .last_edge_us = now_us,
+        .edge_age_us = ENCODER_NO_EDGE_US,
         .seen = *edges,
         .scale = (uint32_t)um_per_count * 16000u,
     };
@@ -67,6 +66,17 @@ static uint32_t widen_stamp(uint16_t stamp, uint32_t now_us)
     return now_us - now_us % ENCODER_STAMP_US - (uint32_t)((int32_t)age * ENCODER_STAMP_US);
 }
 
+// Once an edge is too old for 32 bits its age stays "never", lest it become young again.
+static uint32_t age_of_edge(const struct encoder *encoder, bool edge, uint32_t now_us)
+{
+    if (!edge && encoder->edge_age_us == ENCODER_NO_EDGE_US)
+        return ENCODER_NO_EDGE_US;
+    uint32_t age = now_us - encoder->last_edge_us;
+    if (age <= INT32_MAX)
+        return age;
+    return edge ? 0 : ENCODER_NO_EDGE_US; // an edge may come between reading the clock and the counts
+}
+
 void encoder_update(struct encoder *encoder, const struct encoder_edges *edges, uint32_t now_us)
 {
     uint8_t faults = (uint8_t)(edges->illegal - encoder->seen.illegal);
@@ -89,14 +99,13 @@ void encoder_update(struct encoder *encoder, const struct encoder_edges *edges, 
         push_mark(encoder);
     }
 
-    int32_t silence_us = (int32_t)(now_us - encoder->last_edge_us);
-    if (silence_us >= ENCODER_STILL_US)
+    encoder->edge_age_us = age_of_edge(encoder, edge, now_us);
+    if (encoder->edge_age_us >= ENCODER_STILL_US)
         encoder->mark_count = 0;
+
     int16_t speed = speed_from_marks(encoder);
-    if (silence_us > 0) {
-        int16_t bound = speed_of(encoder, 3, 2 * (uint32_t)silence_us);
-        if (speed > bound)
-            speed = bound;
-    }
+    int16_t bound = speed_of(encoder, 3, 2 * encoder->edge_age_us);
+    if (speed > bound)
+        speed = bound;
     encoder->speed_q4 = encoder->direction < 0 ? (int16_t)-speed : speed;
 }

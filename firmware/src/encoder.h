@@ -21,6 +21,7 @@
 #define ENCODER_HISTORY 8                 // edges remembered; five are needed to see one phase twice
 #define ENCODER_STILL_US INT32_C(500000)  // no edge for this long: the wheel stands
 #define ENCODER_SPEED_MAX_Q4 32000        // 2 m/s; a faster reading is cut to this
+#define ENCODER_NO_EDGE_US UINT32_MAX     // age of an edge that never came, or came over 2^31 us ago
 
 // What the interrupt writes.
 struct encoder_edges {
@@ -39,13 +40,14 @@ struct encoder_mark {
 struct encoder {
     int32_t count;         // counts since start, forward positive
     uint16_t illegal;      // transitions in which both pins changed: two counts were lost, either way. Wraps.
-    uint32_t last_edge_us; // when the last counted edge came; the time of encoder_init before the first
+    uint32_t edge_age_us;  // from the last counted edge to the last update, or ENCODER_NO_EDGE_US
     int8_t direction;      // of that edge; 0 before the first
     int16_t speed_q4;      // mm/s in sixteenths, forward positive
 
     struct encoder_edges seen;                  // the interrupt half as it was at the last update
     struct encoder_mark marks[ENCODER_HISTORY]; // newest first; all in one direction, none across a fault
     uint8_t mark_count;
+    uint32_t last_edge_us;
     uint32_t scale;    // speed_q4 = scale * counts / microseconds
     uint16_t span_max; // most counts that may be multiplied by scale in 32 bits
 };
@@ -76,8 +78,7 @@ static inline void encoder_edge(struct encoder_edges *edges, uint8_t pins, uint1
 }
 
 // Start at zero. um_per_count: travel of the wheel's rim in one count, 1 to 40000 micrometres.
-void encoder_init(struct encoder *encoder, const struct encoder_edges *edges, uint16_t um_per_count,
-                  uint32_t now_us);
+void encoder_init(struct encoder *encoder, const struct encoder_edges *edges, uint16_t um_per_count);
 
 // Take in what the interrupt half recorded. `edges` is a copy made with interrupts off at about now_us.
 //

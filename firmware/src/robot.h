@@ -1,0 +1,62 @@
+// The whole firmware above the hardware: what happens at start, every tick, every byte and every edge.
+//
+// One struct robot holds all state, so several robots can live in one program. Of these calls only
+// robot_encoder_edge() may come from an interrupt; the others belong to the main loop. now_us is the robot's
+// clock, 0 at start; it may wrap but never goes back.
+#ifndef ROBOT_H
+#define ROBOT_H
+
+#include <stdint.h> // integers of known width
+
+#include "drive.h"      // wheel setpoints
+#include "encoder.h"    // counts and speeds
+#include "hal.h"        // struct hal
+#include "link.h"       // frames
+#include "motor.h"      // wheel control
+#include "supervisor.h" // permission
+
+#define ROBOT_TICK_US 5000u // 200 Hz
+
+// What differs between robots.
+struct robot_params {
+    uint16_t um_per_count;   // travel of a wheel's rim in one encoder count
+    uint16_t track_mm;       // between the wheels
+    uint16_t battery_min_mv; // 0: not watched
+    int16_t wheel_speed_q4;  // fastest a wheel may be asked to go, sixteenths of mm/s
+    int16_t wheel_step_q4;   // most a wheel's setpoint may change in one tick
+    struct motor_gains gains[DRIVE_SIDES];
+};
+
+extern const struct robot_params robot_params_default;
+
+struct robot {
+    struct hal *hal;
+    struct encoder_edges edges[DRIVE_SIDES]; // written by interrupts
+    struct encoder encoders[DRIVE_SIDES];
+    struct motor motors[DRIVE_SIDES];
+    struct drive drive;
+    struct supervisor supervisor;
+    struct link link;
+    uint32_t byte_us;       // when the byte now being handled came
+    uint8_t drive_seq;      // sequence number of the last DRIVE obeyed
+    uint8_t telemetry_in;   // ticks until the next TELEMETRY
+    uint8_t link_status_in; // ticks until the next LINK_STATUS
+};
+
+// Motors off, counters zero, encoders as their pins are; HELLO is sent. Encoder interrupts come after this.
+void robot_init(struct robot *robot, struct hal *hal, const struct robot_params *params);
+
+// An encoder pin may have changed. stamp: the robot's clock in ENCODER_STAMP_US, low 16 bits.
+static inline void robot_encoder_edge(struct robot *robot, uint8_t side, uint8_t pins, uint16_t stamp)
+{
+    encoder_edge(&robot->edges[side], pins, stamp);
+}
+
+// One byte from the line. A message it completes takes effect before this returns: ESTOP has then zeroed the
+// motors.
+void robot_receive_byte(struct robot *robot, uint8_t byte, uint32_t now_us);
+
+// Every ROBOT_TICK_US: sense, decide, drive, report.
+void robot_tick(struct robot *robot, uint32_t now_us);
+
+#endif
