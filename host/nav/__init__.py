@@ -1,0 +1,1 @@
+"""From wheels and depths to motion: where the robot is, what stands around it, how it drives on."""

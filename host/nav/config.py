@@ -1,0 +1,37 @@
+"""The robot's measures, and how carefully it drives."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class BodyConfig:
+    """Geometry of the robot. The body is a disc around the middle of its axle."""
+
+    cm_per_count: float = 0.5  # travel of a wheel from one encoder edge to the next
+    track_cm: float = 15.0  # distance between the wheels' contact points
+    radius_cm: float = 12.0  # of the disc that holds the whole robot
+    camera_height_cm: float = 15.0  # lens above the floor
+    camera_ahead_cm: float = 12.0  # lens in front of the axle's middle
+
+
+@dataclass(frozen=True)
+class NavConfig:
+    """How the robot drives. Distances from the robot's rim where nothing else is said."""
+
+    clearance_cm: float = 4.0  # nearest the rim may come to anything while driving towards it
+    comfort_cm: float = 12.0  # ways that keep this much room are preferred
+    speed_cm_s: float = 20.0  # over floor that was seen to be free
+    creep_cm_s: float = 8.0  # over floor not seen yet, to give depth its baseline
+    turn_rad_s: float = 0.5  # turning in place
+    brake_cm_s2: float = 40.0  # deceleration counted on
+    reaction_s: float = 0.2  # from capture of a frame to the first effect on the wheels
+    piece_cm: float = 20.0  # a straight piece is at least this long, unless something is in the way
+    goal_tolerance_cm: float = 10.0  # the camera this near to the goal has reached it
+    give_up_s: float = 6.0  # without any way for this long, after looking around: blocked
+    frame_stale_s: float = 0.3  # no motion on a picture older than this
+    link_stale_s: float = 0.25  # no motion on telemetry older than this
+    map_half_cm: float = 400.0  # the map reaches this far from the start on every side
+    cell_cm: float = 5.0  # side of a map cell
+    memory_s: float = 60.0  # evidence fades to 1/e in this time

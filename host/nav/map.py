@@ -1,0 +1,360 @@
+"""What stands around the robot: regions with depth become obstacles on a grid in the odometry frame.
+
+Three things tell where a region stands. Its depth, measured from motion. Its foot: in each image column
+the lowest point of what is not floor, which meets the floor at height / ray_y. And its vertices with
+depth, which lie on the floor's plane or above it. A region that is floor is no obstacle but frees the
+ground up to the first foot. Cells nobody looked at stay unknown: unseen is not free.
+
+Each cell holds log-odds; contradictory evidence wins within a few frames, all evidence fades with time.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from host.camera.lens import Lens
+from host.depth.report import DepthReport
+from host.nav.config import BodyConfig, NavConfig
+from host.nav.odometry import heading_of
+from host.pose import Pose
+from host.rbdn.snapshot import Region, Snapshot
+
+STEP_PX = 2  # the regions are looked at on every second pixel
+FARTHEST_FLOOR_CM = 500.0  # above the row where the floor is this far away nothing counts as floor
+SIGMA_RAY = 0.01  # of the tilt of the floor's plane against the camera, rad
+RANGE_CM = 300.0  # evidence is taken up to here
+SHELL_CM = 8.0  # how far behind a seen surface its cells are filled
+DEEPEST_CM = 40.0  # things are taken to be as deep as they are wide, up to this, until floor is seen there
+FLOOR_COLOUR = 20.0  # mean colours nearer than this to a proven floor's are floor too
+OCCUPIED, FREE = 0.8, -0.4  # log-odds beyond which a cell counts as one or the other
+LIMIT = 4.0
+PRESUMED = 1.0  # what is only presumed behind a surface never counts for more
+NO_REGION = -1
+
+
+@dataclass(frozen=True)
+class Obstacle:
+    """One region as it stands in the odometry frame."""
+
+    region: int
+    depth_cm: float  # along the optical axis of the frame that showed it
+    sigma_cm: float
+    how: str  # depth method, or "foot" where it only stands on the floor there
+    left_cm: tuple[float, float]  # (x, z) of its ends as seen from the camera
+    right_cm: tuple[float, float]
+    t_s: float
+
+    def __str__(self) -> str:
+        return f"region {self.region} at {self.depth_cm:.0f} ±{self.sigma_cm:.1f} cm ({self.how})"
+
+
+def label_image(snapshot: Snapshot, lens: Lens) -> np.ndarray:
+    """Region id of every second pixel, (H // 2, W // 2) int32; NO_REGION where none is."""
+    labels = np.full((lens.height // STEP_PX, lens.width // STEP_PX), NO_REGION, np.int32)
+    for region in snapshot.regions:
+        loops = [np.round((loop - 0.5) / STEP_PX * 16).astype(np.int32) for loop in region.loops]
+        cv2.fillPoly(labels, loops, region.id, shift=4)
+    return labels
+
+
+class ObstacleMap:
+    """Grid of evidence in the odometry frame, and the last sighting of every region.
+
+    ``evidence`` is (N, N) float32 log-odds, row = z, column = x, cell centres at
+    ``(index + 0.5) * cell - half``; ``region`` holds the id that last filled each cell.
+    """
+
+    def __init__(self, body: BodyConfig, config: NavConfig):
+        self.body, self.config = body, config
+        side = 2 * round(config.map_half_cm / config.cell_cm)
+        self.evidence = np.zeros((side, side), np.float32)
+        self.region = np.full((side, side), NO_REGION, np.int32)
+        self.obstacles: dict[int, Obstacle] = {}
+        self._half = side // 2 * config.cell_cm
+        self.centres_cm = (np.arange(side) + 0.5) * config.cell_cm - self._half
+        self._t_s: float | None = None
+        self._floor_votes: dict[int, float] = {}
+        self._floor_rgb: np.ndarray | None = None
+
+    # ---- asking ----
+
+    @property
+    def occupied(self) -> np.ndarray:
+        return self.evidence > OCCUPIED
+
+    @property
+    def free(self) -> np.ndarray:
+        return self.evidence < FREE
+
+    def cell_of(self, x_cm: float, z_cm: float) -> tuple[int, int]:
+        """(row, column) of a point, kept within the grid."""
+        last = len(self.centres_cm) - 1
+        cell = self.config.cell_cm
+        row, col = (math.floor((v + self._half) / cell) for v in (z_cm, x_cm))
+        return min(max(row, 0), last), min(max(col, 0), last)
+
+    def point_of(self, row: int, col: int) -> tuple[float, float]:
+        """(x, z) of a cell's centre, cm."""
+        return float(self.centres_cm[col]), float(self.centres_cm[row])
+
+    def points_where(self, mask: np.ndarray) -> np.ndarray:
+        """(N, 2) x, z of the cells of a mask, cm."""
+        rows, cols = np.nonzero(mask)
+        return np.column_stack([self.centres_cm[cols], self.centres_cm[rows]])
+
+    def obstacle_at(self, row: int, col: int) -> Obstacle | None:
+        return self.obstacles.get(int(self.region[row, col]))
+
+    def is_floor(self, region_id: int) -> bool:
+        return self._floor_votes.get(region_id, 0.0) > 0.0
+
+    # ---- learning ----
+
+    def stand_on(self, x_cm: float, z_cm: float) -> None:
+        """The robot stands here, so here is free."""
+        r = self.body.radius_cm
+        near = (self.centres_cm[None, :] - x_cm) ** 2 + (self.centres_cm[:, None] - z_cm) ** 2 < r * r
+        self.evidence[near] = np.minimum(self.evidence[near], 2 * FREE)
+
+    def update(self, snapshot: Snapshot, report: DepthReport, pose: Pose, lens: Lens) -> None:
+        """Take in one frame. The pose is the camera's, level up to SIGMA_RAY."""
+        self._fade(pose.t_s)
+        labels = label_image(snapshot, lens)
+        rays = _rays_of(labels.shape, lens, pose)
+        for region in snapshot.regions:
+            self._vote_floor(region, report, pose, lens, labels, rays)
+        known = {region.id for region in snapshot.regions}
+        self._floor_votes = {k: v for k, v in self._floor_votes.items() if k in known}
+        self._learn_floor_colour(snapshot)
+
+        floor = np.isin(labels, [r for r in known if self.is_floor(r)])
+        feet = _Feet(labels, floor, rays, self.body.camera_height_cm)
+        free_to = feet.depth_cm - 2 * feet.sigma_cm
+        bars = []  # (columns, depth per column, sigma, region, weight)
+        for region in snapshot.regions:
+            if self.is_floor(region.id):
+                continue
+            found = self._place(region, report, feet, labels, pose)
+            if found is not None:
+                obstacle, columns, depth, weight = found
+                self.obstacles[region.id] = obstacle
+                bars.append((columns, depth, obstacle.sigma_cm, region.id, weight))
+                free_to[columns] = np.minimum(free_to[columns], depth - 2 * obstacle.sigma_cm)
+        self._paint(pose, lens, labels.shape[1], feet, free_to, bars)
+
+    def _fade(self, t_s: float) -> None:
+        if self._t_s is not None:
+            self.evidence *= math.exp(-max(0.0, t_s - self._t_s) / self.config.memory_s)
+        self._t_s = t_s
+        self.obstacles = {
+            k: o for k, o in self.obstacles.items() if t_s - o.t_s < 2 * self.config.memory_s
+        }
+
+    # ---- floor or not ----
+
+    def _vote_floor(self, region: Region, report: DepthReport, pose: Pose, lens: Lens, labels, rays) -> None:
+        """One frame's vote on whether a region is floor; votes add up, so one bad frame changes nothing."""
+        height = self.body.camera_height_cm
+        mine = labels == region.id
+        if not mine.any():
+            return
+        before = self._floor_votes.get(region.id)
+        ray_y = rays.down[mine]
+        crosses = float((ray_y < height / FARTHEST_FLOOR_CM).mean())
+        if crosses > 0.02:
+            self._floor_votes[region.id] = -3.0
+            return
+        vote = 0.0
+        measured = report.regions.get(region.id)
+        if measured is not None and measured.depth_cm is not None and measured.sigma_cm is not None:
+            z, sigma = measured.depth_cm, measured.sigma_cm
+            lying = float(np.mean(height / ray_y))
+            columns = np.nonzero(mine.any(axis=0))[0]
+            lowest = len(mine) - 1 - np.argmax(mine[::-1, columns], axis=0)
+            standing = float(np.mean(height / rays.down[lowest, columns]))
+            if lying - standing > 2 * sigma:
+                vote += 0.5 if abs(z - lying) < abs(z - standing) else -0.5
+        on, above = self._vertex_heights(region, report, pose, lens)
+        if on + above >= 3:
+            vote += 0.5 * (on - 2 * above) / (on + above)
+        if vote == 0.0 and before is None:
+            rgb = np.array(region.mean_rgb)
+            bottom_middle = mine[-1, mine.shape[1] // 3 : 2 * mine.shape[1] // 3].mean() > 0.3
+            like_floor = self._floor_rgb is not None and np.linalg.norm(rgb - self._floor_rgb) < FLOOR_COLOUR
+            vote = 0.5 if like_floor or (self._floor_rgb is None and bottom_middle) else -0.1
+        self._floor_votes[region.id] = float(np.clip((before or 0.0) + vote, -3.0, 3.0))
+
+    def _vertex_heights(self, region: Region, report: DepthReport, pose: Pose, lens: Lens) -> tuple[int, int]:
+        """How many of a region's corners lie on the floor, and how many surely above it."""
+        ids = np.concatenate(region.loop_vertices) if region.loop_vertices else np.empty(0, np.int64)
+        pick = np.isin(report.vertices.ids, ids) & np.isfinite(report.vertices.sigma_cm)
+        if not pick.any():
+            return 0, 0
+        xyz = report.vertices.xyz_cm[pick]
+        down = (xyz @ pose.rotation.T)[:, 1]
+        slope = np.abs(down) / np.maximum(xyz[:, 2], 1.0)
+        sigma = np.hypot(report.vertices.sigma_cm[pick] * slope, xyz[:, 2] * SIGMA_RAY)
+        over = self.body.camera_height_cm - down
+        sure = sigma < 2.0
+        return int((sure & (np.abs(over) < 2 * sigma + 1.0)).sum()), int((sure & (over > 2 * sigma + 2.0)).sum())
+
+    def _learn_floor_colour(self, snapshot: Snapshot) -> None:
+        proven = [r for r in snapshot.regions if self._floor_votes.get(r.id, 0.0) > 0.4]
+        if proven:
+            widest = max(proven, key=lambda r: r.area_px)
+            rgb = np.array(widest.mean_rgb)
+            self._floor_rgb = rgb if self._floor_rgb is None else 0.9 * self._floor_rgb + 0.1 * rgb
+
+    # ---- where a region stands ----
+
+    def _place(self, region: Region, report: DepthReport, feet: _Feet, labels, pose: Pose):
+        """(obstacle, image columns, depth per column, weight) of a region, or None while nothing is known.
+
+        With a foot, its shape across the columns is the foot's and its mean is the weighted mean of
+        measured depth and foot; where the two contradict each other the nearer one counts.
+        """
+        measured = report.regions.get(region.id)
+        z = s = None
+        how = "foot"
+        if measured is not None and measured.depth_cm is not None and measured.sigma_cm is not None:
+            if measured.sigma_cm < 0.25 * measured.depth_cm and measured.depth_cm < RANGE_CM * 1.5:
+                z, s, how = measured.depth_cm, measured.sigma_cm, measured.method or "depth"
+        columns = np.nonzero((feet.region == region.id) & ~feet.cut)[0]
+        if len(columns) >= 3:
+            foot = feet.depth_cm[columns]
+            mean = float(foot.mean())
+            sigma = float(feet.sigma_cm[columns].mean())
+            if sigma > 0.3 * mean and z is None:
+                return None
+            if z is None or s is None:
+                z, s, scale, weight = mean, sigma, 1.0, 0.5
+            elif abs(z - mean) < 3 * math.hypot(s, sigma):
+                share = sigma**2 / (s**2 + sigma**2)
+                z = share * z + (1 - share) * mean
+                s = s * sigma / math.hypot(s, sigma)
+                scale, weight = z / mean, 1.0
+            elif z < mean:
+                scale, weight = z / mean, 0.7
+            else:
+                z, s, scale, how, weight = mean, sigma, 1.0, "foot", 0.5
+            depth = foot * scale
+        else:
+            columns = np.nonzero((labels == region.id).any(axis=0))[0]
+            if len(columns) == 0:
+                return None
+            if z is None or s is None:
+                cut = np.nonzero((feet.region == region.id) & feet.cut)[0]
+                if len(cut) < 3 or self._filled_within(feet, cut, pose):
+                    return None
+                columns, how, weight = cut, "at the lower border", 0.3
+                z = float(feet.depth_cm[cut].mean())
+                s = 0.25 * z
+            else:
+                weight = 0.7
+            depth = np.full(len(columns), z)
+        ends = [feet.point(pose, int(c), float(d)) for c, d in ((columns[0], depth[0]), (columns[-1], depth[-1]))]
+        obstacle = Obstacle(region.id, float(z), float(s), how, ends[0], ends[1], pose.t_s)
+        return obstacle, columns, depth, weight
+
+    def _filled_within(self, feet: _Feet, columns: np.ndarray, pose: Pose) -> bool:
+        """Whether the map already remembers something nearer than the lower border in these columns."""
+        middle = int(columns[len(columns) // 2])
+        for d in np.arange(0.0, float(feet.depth_cm[middle]) + self.config.cell_cm, self.config.cell_cm):
+            if self.evidence[self.cell_of(*feet.point(pose, middle, d))] > OCCUPIED:
+                return True
+        return False
+
+    # ---- the grid ----
+
+    def _paint(self, pose: Pose, lens: Lens, width: int, feet: _Feet, free_to, bars) -> None:
+        x0, z0 = float(pose.position_cm[0]), float(pose.position_cm[2])
+        r0, c0 = self.cell_of(x0 - RANGE_CM, z0 - RANGE_CM)
+        r1, c1 = self.cell_of(x0 + RANGE_CM, z0 + RANGE_CM)
+        dx = self.centres_cm[None, c0 : c1 + 1] - x0
+        dz = self.centres_cm[r0 : r1 + 1, None] - z0
+        heading = heading_of(pose)
+        depth = (dx * math.sin(heading) + dz * math.cos(heading)).ravel()
+        side = (dx * math.cos(heading) - dz * math.sin(heading)).ravel()
+        ahead = np.nonzero((depth > 1.0) & (np.abs(side) < depth * lens.width / lens.fx))[0]
+        depth, side = depth[ahead], side[ahead]
+        pixel = lens.to_pixels(np.column_stack([side / depth, np.zeros(len(depth))]))[:, 0]
+        column = np.floor((pixel + 0.5) / STEP_PX).astype(int)
+        seen = (column >= 0) & (column < width) & (depth < RANGE_CM)
+        ahead, depth, column = ahead[seen], depth[seen], column[seen]
+
+        rows, cols = np.divmod(ahead, c1 - c0 + 1)
+        rows, cols = rows + r0, cols + c0
+        before = self.evidence[rows, cols]
+        change = np.zeros(len(depth), np.float32)
+        half = self.config.cell_cm / 2
+        change[(depth < free_to[column] - half) & (depth > feet.nearest_cm)] = -0.4
+        filled = np.full(len(depth), NO_REGION, np.int32)
+        for columns, bar, sigma, region, weight in bars:
+            at = np.full(width, np.nan)
+            at[columns] = bar
+            back = max(SHELL_CM, sigma)
+            front = min(half + 0.5 * sigma, 3 * half)
+            wide = bar.mean() * len(columns) * STEP_PX / lens.fx
+            off = depth - at[column]
+            hit = (off > -front) & (off < back)
+            change[hit] = np.maximum(change[hit], weight)
+            behind = (off >= back) & (off < min(wide, DEEPEST_CM)) & (np.abs(before) < PRESUMED)
+            change[behind] = np.maximum(change[behind], weight)
+            filled[hit | behind] = region
+        self.evidence[rows, cols] = np.clip(before + change, -LIMIT, LIMIT)
+        self.region[rows, cols] = np.where(filled != NO_REGION, filled, self.region[rows, cols])
+
+
+@dataclass(frozen=True)
+class _Rays:
+    across: np.ndarray  # (W // 2,) X/Z of the column in the level camera frame
+    down: np.ndarray  # (H // 2, W // 2) Y/Z, world down
+
+
+def _rays_of(shape: tuple[int, int], lens: Lens, pose: Pose) -> _Rays:
+    """Rays of the label image's pixels with pitch and roll of the pose taken out, heading left in."""
+    rows, cols = shape
+    xs = np.arange(cols) * STEP_PX + 0.5 * (STEP_PX - 1)
+    ys = np.arange(rows) * STEP_PX + 0.5 * (STEP_PX - 1)
+    grid = np.stack(np.meshgrid(xs, ys), axis=-1).reshape(-1, 2)
+    rays = np.column_stack([lens.to_rays(grid), np.ones(len(grid))])
+    level = Pose.planar(0.0, 0.0, heading_of(pose)).rotation.T @ pose.rotation
+    rays = rays @ level.T
+    rays = rays[:, :2] / rays[:, 2:]
+    return _Rays(rays[:, 0].reshape(shape)[rows // 2], rays[:, 1].reshape(shape))
+
+
+class _Feet:
+    """Per image column the first thing above the floor: its region, depth of its foot and sigma.
+
+    ``cut`` marks columns where the floor is not seen at all: the foot is at or below the image's border.
+    """
+
+    def __init__(self, labels: np.ndarray, floor: np.ndarray, rays: _Rays, height_cm: float):
+        rows, cols = labels.shape
+        floor = floor | (labels == NO_REGION)
+        stop = np.argmax(~floor[::-1], axis=0)  # floor pixels from the bottom up to the first foot
+        open_ended = floor.all(axis=0)
+        row = np.where(open_ended, 0, rows - 1 - stop)
+        column = np.arange(cols)
+        self.region = np.where(open_ended, NO_REGION, labels[row, column])
+        self.cut = (stop == 0) & ~open_ended
+        # the foot's ray passes between the foot's pixel and the floor's pixel below it
+        below = np.minimum(row + 1, rows - 1)
+        down = np.maximum(0.5 * (rays.down[row, column] + rays.down[below, column]), 1e-6)
+        self.depth_cm = np.minimum(height_cm / down, FARTHEST_FLOOR_CM)
+        self.sigma_cm = self.depth_cm**2 / height_cm * SIGMA_RAY
+        self.nearest_cm = float(height_cm / rays.down[-1].max())
+        self._across = rays.across
+
+    def point(self, pose: Pose, column: int, depth_cm: float) -> tuple[float, float]:
+        """(x, z) in the odometry frame of a depth in an image column."""
+        heading = heading_of(pose)
+        side = self._across[column] * depth_cm
+        x = pose.position_cm[0] + depth_cm * math.sin(heading) + side * math.cos(heading)
+        z = pose.position_cm[2] + depth_cm * math.cos(heading) - side * math.sin(heading)
+        return float(x), float(z)

@@ -1,0 +1,222 @@
+"""Where the camera was at any time of the last second, from encoder counts and the times of their edges.
+
+A count says that a wheel is somewhere within one cell of 0.5 cm; the time of an edge says when it stood
+exactly on a cell's border. Between edges a wheel is taken to turn evenly, so that on steady motion the
+travel is known to a small part of a count.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from dataclasses import dataclass
+
+from host.nav.config import BodyConfig
+from host.pose import Pose
+
+HISTORY_S = 1.0  # poses can be asked for this far back
+REST_S = 0.25  # a wheel without an edge for this long, and four times its last period, stands
+EVEN_START = 0.1  # wheel speeds that differ by less than this part are a straight start
+MOVING_SIGMA_COUNTS = 0.06  # interpolation error of a turning wheel, against the simulated body
+REST_SIGMA_COUNTS = 1 / math.sqrt(12)  # a standing wheel is anywhere within its cell
+
+
+@dataclass(frozen=True)
+class WheelReading:
+    """What telemetry says of both wheels at one time, on the host's clock."""
+
+    t_s: float
+    count_left: int
+    count_right: int
+    edge_left_s: float | None  # time of the wheel's last edge; None before the first one
+    edge_right_s: float | None
+
+
+class Wheel:
+    """Travel of one wheel as a piecewise linear function of time through its encoder edges."""
+
+    def __init__(self, cm_per_count: float, t_s: float, count: int):
+        self._cell = cm_per_count
+        self._zero = count + 0.5  # at the start the wheel is taken to stand in the middle of its cell
+        self._count = count
+        self._edge_s: float | None = None
+        self._sign = 1.0
+        self._t = [t_s]  # knots: time, travel
+        self._s = [0.0]
+        self._resting = True  # the last knot says where the wheel stands, and moves on in time
+        self.edges = 0
+
+    def add(self, t_s: float, count: int, edge_s: float | None) -> None:
+        """One reading; edges older than the last knot are ignored."""
+        if edge_s is not None and edge_s != self._edge_s and (count != self._count or edge_s > self._t[-1]):
+            self._add_edge(edge_s, count)
+        elif self._resting:
+            self._t[-1] = max(self._t[-1], t_s)
+        elif t_s - self._t[-1] > max(REST_S, 4 * self._cell / max(self._speed(), 1e-9)):
+            middle = self._s[-1] + 0.5 * self._sign * self._cell
+            for when in (self._t[-1] + REST_S / 2, t_s):
+                self._t.append(when)
+                self._s.append(middle)
+            self._resting = True
+
+    def _add_edge(self, edge_s: float, count: int) -> None:
+        if count > self._count:
+            border = count
+        elif count < self._count:
+            border = count + 1
+        else:  # there and back within one reading: the border it was nearer to
+            border = round(self._s[-1] / self._cell + self._zero)
+        travel = (border - self._zero) * self._cell
+        self._sign = 1.0 if count >= self._count else -1.0
+        self._count, self._edge_s = count, edge_s
+        self._resting = False
+        self.edges += 1
+        while len(self._t) > 1 and self._t[-1] >= edge_s:  # a rest that the late edge contradicts
+            self._t.pop()
+            self._s.pop()
+        if edge_s > self._t[-1]:
+            self._t.append(edge_s)
+            self._s.append(travel)
+        else:
+            self._s[-1] = travel
+
+    def _speed(self) -> float:
+        """Speed over the last full cell, cm/s, without sign."""
+        if len(self._t) < 2 or self._s[-1] == self._s[-2]:
+            return 0.0
+        return abs(self._s[-1] - self._s[-2]) / (self._t[-1] - self._t[-2])
+
+    def velocity(self) -> float:
+        return self._sign * self._speed()
+
+    def shift(self, cm: float) -> None:
+        """Correct where in its cell the wheel stood at the start."""
+        self._zero -= cm / self._cell
+        self._s[1:] = [s + cm for s in self._s[1:]]
+
+    def travel(self, t_s: float) -> float:
+        """Travel at a time, cm; beyond the last edge the wheel goes on but does not reach the next one."""
+        if t_s >= self._t[-1]:
+            if self._resting:
+                return self._s[-1]
+            u = self._speed() * (t_s - self._t[-1]) / self._cell
+            return self._s[-1] + self._sign * self._cell * (u if u <= 1 else 0.5 + 0.5 / u)
+        k = bisect_right(self._t, t_s)
+        if k == 0:
+            return self._s[0]
+        part = (t_s - self._t[k - 1]) / (self._t[k] - self._t[k - 1])
+        return self._s[k - 1] + part * (self._s[k] - self._s[k - 1])
+
+    def sigma(self, t_s: float) -> float:
+        """Standard error of the travel within its cell, cm."""
+        late = t_s > self._t[-1] + 2 * self._cell / max(self._speed(), 1e-9)
+        standing = self._resting or late
+        return self._cell * (REST_SIGMA_COUNTS if standing else MOVING_SIGMA_COUNTS)
+
+    def knots(self, t0: float, t1: float) -> list[float]:
+        return self._t[bisect_right(self._t, t0) : bisect_right(self._t, t1)]
+
+    def forget(self, t_s: float) -> None:
+        keep = max(0, bisect_right(self._t, t_s) - 2)
+        del self._t[:keep], self._s[:keep]
+
+
+def advance(x: float, z: float, heading: float, ds_left: float, ds_right: float, track: float):
+    """Roll both wheels evenly: exact along the arc. Heading grows to the right."""
+    turn = (ds_left - ds_right) / track
+    way = 0.5 * (ds_left + ds_right)
+    chord = way * (math.sin(turn / 2) / (turn / 2) if abs(turn) > 1e-9 else 1.0)
+    middle = heading + turn / 2
+    return x + chord * math.sin(middle), z + chord * math.cos(middle), heading + turn
+
+
+class Odometry:
+    """The planar path of the robot; gives the camera's pose. World: the camera at the start."""
+
+    def __init__(self, body: BodyConfig):
+        self._body = body
+        self._left: Wheel | None = None
+        self._right: Wheel | None = None
+        self._phase_known = False
+        self._base = (0.0, 0.0, -body.camera_ahead_cm, 0.0)  # time, x, z, heading of the axle's middle
+        self._newest_s = -math.inf
+
+    @property
+    def newest_s(self) -> float:
+        """Time of the newest reading; -inf before the first."""
+        return self._newest_s
+
+    def add(self, reading: WheelReading) -> None:
+        """Take one reading; readings out of order are ignored."""
+        r = reading
+        if self._left is None or self._right is None:
+            cell = self._body.cm_per_count
+            self._left = Wheel(cell, r.t_s, r.count_left)
+            self._right = Wheel(cell, r.t_s, r.count_right)
+            self._base = (r.t_s, *self._base[1:])
+        if r.t_s <= self._newest_s:
+            return
+        self._newest_s = r.t_s
+        self._left.add(r.t_s, r.count_left, r.edge_left_s)
+        self._right.add(r.t_s, r.count_right, r.edge_right_s)
+        self._find_phase()
+        if r.t_s - HISTORY_S > self._base[0]:
+            base_t = r.t_s - HISTORY_S
+            self._base = (base_t, *self._integrate(base_t))
+            self._left.forget(base_t)
+            self._right.forget(base_t)
+
+    def _find_phase(self) -> None:
+        """On a straight start both wheels have gone equally far: that tells where in its cell each began."""
+        left, right = self._left, self._right
+        assert left is not None and right is not None
+        if self._phase_known or min(left.edges, right.edges) < 3:
+            return
+        self._phase_known = True
+        fast = max(abs(left.velocity()), abs(right.velocity()))
+        if abs(left.velocity() - right.velocity()) > EVEN_START * fast:
+            return
+        t = self._newest_s
+        difference = left.travel(t) - right.travel(t)
+        if abs(difference) < self._body.cm_per_count:
+            left.shift(-difference / 2)
+            right.shift(difference / 2)
+
+    def _integrate(self, t_s: float) -> tuple[float, float, float]:
+        t0, x, z, heading = self._base
+        left, right = self._left, self._right
+        assert left is not None and right is not None
+        times = [t0, *sorted({*left.knots(t0, t_s), *right.knots(t0, t_s)} - {t0}), t_s]
+        s_left, s_right = left.travel(t0), right.travel(t0)
+        for t in times[1:]:
+            l, r = left.travel(t), right.travel(t)
+            x, z, heading = advance(x, z, heading, l - s_left, r - s_right, self._body.track_cm)
+            s_left, s_right = l, r
+        return x, z, heading
+
+    def pose_at(self, t_s: float) -> Pose:
+        """Pose of the camera at a time between one second before the newest reading and shortly after it.
+
+        ``sigma_z_cm`` and ``sigma_rot_rad`` hold the part that differs from frame to frame (where the
+        wheels stand within their cells); a wrong wheel size scales all travel alike and is not in them.
+        Times before the history give its oldest pose.
+        """
+        ahead = self._body.camera_ahead_cm
+        if self._left is None or self._right is None:
+            return Pose.planar(0.0, 0.0, 0.0, t_s=t_s)
+        x, z, heading = self._integrate(max(t_s, self._base[0]))
+        sigma_left, sigma_right = self._left.sigma(t_s), self._right.sigma(t_s)
+        both = math.hypot(sigma_left, sigma_right)
+        return Pose.planar(
+            x + ahead * math.sin(heading),
+            z + ahead * math.cos(heading),
+            heading,
+            t_s=t_s,
+            sigma_z_cm=both / 2,
+            sigma_rot_rad=math.sqrt(2) * both / self._body.track_cm,
+        )
+
+
+def heading_of(pose: Pose) -> float:
+    """Planar heading of a pose, rad, positive to the right."""
+    return math.atan2(pose.rotation[0, 2], pose.rotation[2, 2])

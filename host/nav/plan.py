@@ -1,0 +1,113 @@
+"""The cheapest way over the map's grid: A* that keeps off obstacles and rather goes where floor was seen."""
+
+from __future__ import annotations
+
+import heapq
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from host.nav.map import ObstacleMap
+
+UNKNOWN_COST = 3.0  # a cell not seen yet costs this many free ones
+CROWDED_COST = 3.0  # extra for a cell at the hard limit, falling to nothing at the comfortable distance
+HASTE = 1.3  # weight of the straight-line distance: fewer cells looked at, ways at most this much longer
+STEPS = [(dr, dc, math.hypot(dr, dc)) for dr in (-1, 0, 1) for dc in (-1, 0, 1) if dr or dc]
+
+
+def room_around(obstacle_map: ObstacleMap) -> np.ndarray:
+    """(N, N) float32: distance in cm from each cell's centre to the nearest filled cell's border."""
+    free = (~obstacle_map.occupied).astype(np.uint8)
+    if free.all():
+        return np.full(free.shape, 1e6, np.float32)
+    cell = obstacle_map.config.cell_cm
+    return cv2.distanceTransform(free, cv2.DIST_L2, 5) * cell - cell / 2
+
+
+@dataclass(frozen=True)
+class Way:
+    """Points (x, z) in cm from the robot's middle on, and whether they lead all the way to the goal."""
+
+    points: tuple[tuple[float, float], ...]
+    to_goal: bool
+
+
+def find_way(
+    obstacle_map: ObstacleMap, room_cm: np.ndarray, start_cm: tuple[float, float], goal_cm: tuple[float, float]
+) -> Way:
+    """The cheapest way to within the goal's tolerance, or to the reachable place nearest to the goal.
+
+    ``room_cm`` comes from room_around. The disc of the robot and half its clearance must fit everywhere,
+    except right where it stands: it may always leave a place it has got into.
+    """
+    shut, cost = _terrain(obstacle_map, room_cm, start_cm)
+    start = obstacle_map.cell_of(*start_cm)
+    _, parts = cv2.connectedComponents((~shut).astype(np.uint8), connectivity=8)
+    rows, cols = np.nonzero(parts == parts[start])
+    goal_row, goal_col = obstacle_map.cell_of(*goal_cm)
+    off = np.hypot(rows - goal_row, cols - goal_col)
+    nearest = int(np.argmin(off))
+    reach = obstacle_map.config.goal_tolerance_cm / obstacle_map.config.cell_cm
+    to_goal = bool(off[nearest] <= reach)
+    target = (goal_row, goal_col) if to_goal else (int(rows[nearest]), int(cols[nearest]))
+    cells = _search(shut, cost, start, target, reach if to_goal else 0.0)
+    return Way(tuple(obstacle_map.point_of(*cell) for cell in cells), to_goal)
+
+
+def _terrain(obstacle_map: ObstacleMap, room_cm: np.ndarray, start_cm) -> tuple[np.ndarray, np.ndarray]:
+    """(cells that are shut, cost of entering each cell), both (N, N)."""
+    body, config = obstacle_map.body, obstacle_map.config
+    hard, comfort = tightest(obstacle_map), config.comfort_cm
+    cost = 1.0 + CROWDED_COST * np.clip((hard + comfort - room_cm) / comfort, 0.0, 1.0) ** 2
+    cost[~obstacle_map.free] *= UNKNOWN_COST
+    shut = room_cm < hard
+    start = obstacle_map.cell_of(*start_cm)
+    leave = math.ceil(body.radius_cm / config.cell_cm)
+    rows = slice(max(0, start[0] - leave), start[0] + leave + 1)
+    cols = slice(max(0, start[1] - leave), start[1] + leave + 1)
+    shut[rows, cols] = obstacle_map.occupied[rows, cols]
+    cost[rows, cols] += 4.0 * np.clip((hard - room_cm[rows, cols]) / hard, 0.0, 1.0)
+    shut[start] = False
+    return shut, cost
+
+
+def _search(shut: np.ndarray, cost: np.ndarray, start, target, reach: float) -> list[tuple[int, int]]:
+    """Cells from the start to within reach of a target that is known to be connected with it."""
+    side = shut.shape[0] + 2  # a shut rim spares the test for the border
+    closed = np.pad(shut, 1, constant_values=True).ravel().tolist()
+    price = np.pad(cost, 1, constant_values=1.0).ravel().tolist()
+    rows, cols = np.divmod(np.arange(side * side), side)
+    left = np.hypot(rows - 1 - target[0], cols - 1 - target[1])
+    ahead = (HASTE * left).tolist()
+    there = (left <= reach).tolist()
+    steps = [(dr * side + dc, length) for dr, dc, length in STEPS]
+    first = (start[0] + 1) * side + start[1] + 1
+    best, came, queue = {first: 0.0}, {first: first}, [(0.0, first)]
+    while queue:
+        _, cell = heapq.heappop(queue)
+        if closed[cell] and cell != first:
+            continue
+        if there[cell]:
+            way = [cell]
+            while way[-1] != first:
+                way.append(came[way[-1]])
+            return [(c // side - 1, c % side - 1) for c in reversed(way)]
+        closed[cell] = True
+        so_far = best[cell]
+        for step, length in steps:
+            other = cell + step
+            if closed[other]:
+                continue
+            new = so_far + length * price[other]
+            if new < best.get(other, math.inf):
+                best[other] = new
+                came[other] = cell
+                heapq.heappush(queue, (new + ahead[other], other))
+    raise ValueError(f"no way from {start} to {target} though both are in one open part of the map")
+
+
+def tightest(obstacle_map: ObstacleMap) -> float:
+    """Least room in cm at which the robot's middle may pass a filled cell sideways."""
+    return obstacle_map.body.radius_cm + obstacle_map.config.clearance_cm / 2

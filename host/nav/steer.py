@@ -1,0 +1,234 @@
+"""From the map to motion: turn in place, then a straight piece, and never into anything.
+
+Depth comes from translation, so the robot drives straight pieces with the camera looking where it goes
+and turns only between them. Whatever the plan says, the last word has the room ahead: nothing filled
+nearer than the clearance while moving forward, no more speed than can be braked, a creep over floor that
+nobody has seen yet.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from host.nav.map import FREE, Obstacle, ObstacleMap
+from host.nav.odometry import heading_of
+from host.nav.plan import Way, find_way, room_around, tightest
+from host.pose import Pose
+
+PLAN_EVERY_S = 0.5
+TURN_FROM_RAD = math.radians(12)  # off the aim by more than this: turn in place
+TURN_TO_RAD = math.radians(2.5)
+BEND_RAD_S = 0.25  # most a straight piece may bend
+WORTH_CM = 15.0  # a way that does not reach the goal must bring the robot this much nearer
+LEAST_ROOM_CM = 8.0  # a heading with less room than this is no way on
+SIDE_STEP_RAD = math.radians(15)  # headings tried where the way is shut right at the rim
+
+
+@dataclass(frozen=True)
+class Command:
+    """What the wheels should do until the next frame, and why."""
+
+    v_mm_s: float
+    omega_rad_s: float  # positive to the right
+    reason: str
+    outcome: str | None = None  # "goal" or "blocked" when the drive is over
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What steering remembers from one decision to the next."""
+
+    way: Way | None = None  # None: nothing leads nearer to the goal
+    made_s: float = -math.inf
+    aim: tuple[float, float] | None = None
+    piece_from: tuple[float, float] | None = None  # where the present straight piece began; None: turning
+    lost_s: float | None = None  # since when there has been no way
+    looked_rad: float = 0.0  # turned while looking for a way
+    last_heading: float = 0.0
+
+
+@dataclass(frozen=True)
+class Ahead:
+    """What a straight drive along one heading would meet."""
+
+    room_cm: float  # the rim can go this far before it touches something
+    unseen_cm: float  # and this far before it leaves floor known to be free
+    obstacle: Obstacle | None  # what it would touch
+    cell_cm: tuple[float, float] | None = None  # where, (x, z)
+
+
+def body_of(camera: Pose, ahead_cm: float) -> tuple[float, float, float]:
+    """(x, z, heading) of the axle's middle behind a camera pose."""
+    heading = heading_of(camera)
+    x, z = float(camera.position_cm[0]), float(camera.position_cm[2])
+    return x - ahead_cm * math.sin(heading), z - ahead_cm * math.cos(heading), heading
+
+
+def look_ahead(obstacle_map: ObstacleMap, x: float, z: float, heading: float, reach_cm: float = 150.0) -> Ahead:
+    """What the disc of the robot meets when its middle goes straight along a heading."""
+    config, radius = obstacle_map.config, obstacle_map.body.radius_cm
+    half_cell = config.cell_cm / 2
+    wide = tightest(obstacle_map)
+
+    row0, col0 = obstacle_map.cell_of(x - reach_cm, z - reach_cm)
+    row1, col1 = obstacle_map.cell_of(x + reach_cm, z + reach_cm)
+    window = obstacle_map.evidence[row0 : row1 + 1, col0 : col1 + 1]
+    rows, cols = np.nonzero(window >= FREE)
+    filled = obstacle_map.occupied[row0 : row1 + 1, col0 : col1 + 1][rows, cols]
+    points_x = obstacle_map.centres_cm[cols + col0] - x
+    points_z = obstacle_map.centres_cm[rows + row0] - z
+    along = points_x * math.sin(heading) + points_z * math.cos(heading)
+    aside = np.abs(points_x * math.cos(heading) - points_z * math.sin(heading))
+
+    touch = filled & (along > 0) & (aside < wide + half_cell)
+    unseen = ~filled & (along > 0) & (aside < radius)
+    room, obstacle, cell = reach_cm, None, None
+    if touch.any():
+        lateral = np.minimum(np.maximum(aside[touch] - half_cell, 0.0), radius)
+        gaps = along[touch] - half_cell - np.sqrt(radius**2 - lateral**2)
+        k = int(np.argmin(gaps))
+        room = float(gaps[k])
+        where = np.nonzero(touch)[0][k]
+        obstacle = obstacle_map.obstacle_at(int(rows[where] + row0), int(cols[where] + col0))
+        cell = (float(points_x[where] + x), float(points_z[where] + z))
+    blind = float((along[unseen] - half_cell - radius).min()) if unseen.any() else reach_cm
+    return Ahead(room, max(0.0, blind), obstacle, cell)
+
+
+def decide(
+    plan: Plan, obstacle_map: ObstacleMap, camera: Pose, goal_cm: tuple[float, float]
+) -> tuple[Command, Plan]:
+    """One decision, at the time of the pose.
+
+    Parameters
+    ----------
+    plan : what the last decision left behind; ``Plan()`` at the start.
+    camera : present pose of the camera.
+    goal_cm : (x, z) in the odometry frame; reached when the camera is within the tolerance.
+    """
+    config = obstacle_map.config
+    x, z, heading = body_of(camera, obstacle_map.body.camera_ahead_cm)
+    to_goal = math.hypot(goal_cm[0] - camera.position_cm[0], goal_cm[1] - camera.position_cm[2])
+    if to_goal <= config.goal_tolerance_cm:
+        return Command(0.0, 0.0, f"goal reached, {to_goal:.0f} cm off", "goal"), plan
+
+    plan = _planned(plan, obstacle_map, camera.t_s, (x, z), goal_cm)
+    if plan.way is None:
+        return _look_around(plan, camera.t_s, heading, obstacle_map, (x, z))
+    plan = replace(plan, lost_s=None, looked_rad=0.0)
+
+    aim = plan.aim or goal_cm
+    error = _wrap(math.atan2(aim[0] - x, aim[1] - z) - heading)
+    turning = plan.piece_from is None
+    if abs(error) > (TURN_TO_RAD if turning else TURN_FROM_RAD):
+        why = look_ahead(obstacle_map, x, z, heading)
+        because = f", {why.obstacle} is in the way" if why.obstacle and why.room_cm < 60 else ""
+        side = "right" if error > 0 else "left"
+        omega = math.copysign(min(config.turn_rad_s, max(0.15, 1.5 * abs(error))), error)
+        reason = f"turn {side} by {abs(math.degrees(error)):.0f} deg towards the aim{because}"
+        return Command(0.0, omega, reason), replace(plan, piece_from=None)
+
+    piece_from = plan.piece_from or (x, z)
+    plan = replace(plan, piece_from=piece_from)
+    ahead = look_ahead(obstacle_map, x, z, heading)
+    v, reason = _speed(ahead, obstacle_map)
+    if v == 0.0:  # the plan must lead elsewhere
+        return Command(0.0, 0.0, reason), replace(plan, piece_from=None, made_s=-math.inf, aim=None)
+    omega = max(-BEND_RAD_S, min(BEND_RAD_S, 1.0 * error))
+    return Command(10 * v, omega, reason), plan
+
+
+def _speed(ahead: Ahead, obstacle_map: ObstacleMap) -> tuple[float, str]:
+    """Forward speed in cm/s that the room ahead allows, and the line that explains it."""
+    config = obstacle_map.config
+    a, tau = config.brake_cm_s2, config.reaction_s
+
+    def brakeable(distance_cm: float) -> float:
+        return -a * tau + math.sqrt((a * tau) ** 2 + 2 * a * max(0.0, distance_cm))
+
+    thing = ahead.obstacle or "something remembered"
+    fast = brakeable(ahead.room_cm - config.clearance_cm)
+    blind = config.creep_cm_s + brakeable(ahead.unseen_cm)
+    v = min(config.speed_cm_s, fast, blind)
+    if fast < 1.0:
+        return 0.0, f"stop: {thing}, {ahead.room_cm:.0f} cm from the rim"
+    if v == config.speed_cm_s:
+        return v, f"straight: {ahead.room_cm:.0f} cm free ahead" + (f", then {thing}" if ahead.obstacle else "")
+    if fast <= blind:
+        return v, f"slow: {thing}, {ahead.room_cm:.0f} cm from the rim"
+    return v, f"creep: floor not seen {ahead.unseen_cm:.0f} cm ahead, looking for depth"
+
+
+def _planned(plan: Plan, obstacle_map: ObstacleMap, t_s: float, here: tuple[float, float], goal_cm) -> Plan:
+    """A fresh way when the last one is old, and the next aim on it at the end of a straight piece."""
+    config = obstacle_map.config
+    if t_s - plan.made_s < PLAN_EVERY_S:
+        return plan
+    room = room_around(obstacle_map)
+    way = find_way(obstacle_map, room, here, goal_cm)
+    gain = math.dist(here, goal_cm) - math.dist(way.points[-1], goal_cm)
+    if not way.to_goal and gain < WORTH_CM:
+        return replace(plan, way=None, aim=None, piece_from=None, made_s=t_s)
+    plan = replace(plan, way=way, made_s=t_s)
+    driven = 0.0 if plan.piece_from is None else math.dist(plan.piece_from, here)
+    if plan.aim is not None and _clear(obstacle_map, room, here, plan.aim):
+        short = driven < config.piece_cm and math.dist(plan.aim, here) > config.cell_cm
+        if plan.piece_from is None or short:
+            return plan
+    return replace(plan, aim=_aim_on(way, obstacle_map, room, here, goal_cm))
+
+
+def _aim_on(way: Way, obstacle_map: ObstacleMap, room: np.ndarray, here, goal_cm) -> tuple[float, float]:
+    """The farthest point of the way that a straight line reaches, or the side step that comes nearest to it."""
+    points = [*way.points[1:], *([goal_cm] if way.to_goal else [])]
+    aim = points[0]
+    for point in points:
+        if math.dist(point, here) > 1.5 * obstacle_map.config.cell_cm:
+            if not _clear(obstacle_map, room, here, point):
+                break
+            aim = point
+    return _side_step(obstacle_map, here, aim)
+
+
+def _side_step(obstacle_map: ObstacleMap, here, aim) -> tuple[float, float]:
+    """The aim itself, or where it is shut right at the rim a short piece along the nearest open heading."""
+    wanted = math.atan2(aim[0] - here[0], aim[1] - here[1])
+    for k in range(2 * math.ceil(math.pi / SIDE_STEP_RAD)):
+        heading = wanted + (k + 1) // 2 * (SIDE_STEP_RAD if k % 2 else -SIDE_STEP_RAD)
+        room = look_ahead(obstacle_map, *here, heading).room_cm
+        if room > LEAST_ROOM_CM:
+            length = min(room, obstacle_map.config.piece_cm) if k else math.dist(here, aim)
+            return here[0] + length * math.sin(heading), here[1] + length * math.cos(heading)
+    return aim
+
+
+def _clear(obstacle_map: ObstacleMap, room: np.ndarray, start, end) -> bool:
+    """Whether the robot fits all along a straight line; where it stands does not count."""
+    length = math.dist(start, end)
+    limit = tightest(obstacle_map)
+    first = obstacle_map.body.radius_cm
+    for s in np.arange(min(first, length), length + 1e-9, obstacle_map.config.cell_cm / 2):
+        part = s / max(length, 1e-9)
+        cell = obstacle_map.cell_of(start[0] + part * (end[0] - start[0]), start[1] + part * (end[1] - start[1]))
+        if room[cell] < limit:
+            return False
+    return True
+
+
+def _look_around(plan: Plan, t_s: float, heading: float, obstacle_map: ObstacleMap, here) -> tuple[Command, Plan]:
+    """No way known: turn on the spot to see more; after a full turn and a while the drive is blocked."""
+    turned = 0.0 if plan.lost_s is None else abs(_wrap(heading - plan.last_heading))
+    lost = t_s if plan.lost_s is None else plan.lost_s
+    plan = replace(plan, lost_s=lost, looked_rad=plan.looked_rad + turned, last_heading=heading, piece_from=None)
+    ahead = look_ahead(obstacle_map, *here, heading)
+    thing = f"; ahead {ahead.obstacle}" if ahead.obstacle else ""
+    if plan.looked_rad >= 2 * math.pi and t_s - lost >= obstacle_map.config.give_up_s:
+        return Command(0.0, 0.0, f"blocked: no way to the goal after looking around{thing}", "blocked"), plan
+    return Command(0.0, obstacle_map.config.turn_rad_s, f"looking around: no way known{thing}"), plan
+
+
+def _wrap(angle: float) -> float:
+    return (angle + math.pi) % (2 * math.pi) - math.pi
