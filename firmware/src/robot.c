@@ -16,8 +16,8 @@ _Static_assert(LINK_STATUS_PERIOD_US % ROBOT_TICK_US == 0, "link status leaves o
 #define LINK_STATUS_TICKS (LINK_STATUS_PERIOD_US / ROBOT_TICK_US)
 
 // A 6 V gear motor on two lithium cells: starts at 8 % duty, 0.7 m/s at full duty. Half of a speed error acts
-// at once, the rest within 0.4 s. The integral's limit covers unequal motors and a low battery, no more: it is
-// also how far a wheel can run away when its encoder breaks.
+// at once, the rest within 0.4 s. The integral may make up for unequal motors and a low battery and no more,
+// for its limit is also how far a wheel runs away when its encoder breaks.
 #define GEAR_MOTOR                                                                                      \
     {                                                                                                   \
         .static_duty = 2600, .velocity_q8 = 690, .proportional_q8 = 345, .integral_q12 = 70,            \
