@@ -7,9 +7,10 @@ the tables of docs/protocol.md and the golden vectors from them. docs/protocol.m
 from __future__ import annotations
 
 import struct
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from enum import IntEnum
-from typing import Annotated, ClassVar, NamedTuple, get_args, get_type_hints
+from typing import Annotated, ClassVar, NamedTuple, cast, get_args, get_type_hints
 
 PROTOCOL_VERSION = 1  # of framing, checksum and handshake; messages are covered by SCHEMA_HASH
 BAUD = 250_000  # exact on a 16 MHz ATmega328P, where 115200 is 2.1 % off
@@ -290,7 +291,8 @@ LAYOUTS: dict[int, Layout] = {message.ID: _layout(message) for message in MESSAG
 
 def build(layout: Layout, values: tuple[int, ...]) -> Message:
     """The message of `layout` with these field values; ValueError if an enumeration lacks one."""
-    return layout.type(*(
+    of_fields = cast(Callable[..., Message], layout.type)
+    return of_fields(*(
         field.enumeration(value) if field.enumeration else value
         for field, value in zip(layout.fields, values, strict=True)
     ))  # fmt: skip

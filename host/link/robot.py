@@ -141,8 +141,8 @@ class Robot:
                 continue
             if (hello.protocol_version, hello.schema_hash) != (PROTOCOL_VERSION, SCHEMA_HASH):
                 raise DeviceError(
-                    f"the robot speaks protocol {hello.protocol_version}, schema {hello.schema_hash:08x}, and "
-                    f"this program protocol {PROTOCOL_VERSION}, schema {SCHEMA_HASH:08x}: "
+                    f"the robot speaks protocol {hello.protocol_version}, schema {hello.schema_hash:08x}, "
+                    f"and this program protocol {PROTOCOL_VERSION}, schema {SCHEMA_HASH:08x}: "
                     "flash the firmware that belongs to this program"
                 )
             # A robot that has just started says HELLO before it has heard us: its state tells which it was.
