@@ -150,9 +150,7 @@ class ObstacleMap:
         if self._t_s is not None:
             self.evidence *= math.exp(-max(0.0, t_s - self._t_s) / self.config.memory_s)
         self._t_s = t_s
-        self.obstacles = {
-            k: o for k, o in self.obstacles.items() if t_s - o.t_s < 2 * self.config.memory_s
-        }
+        self.obstacles = {k: o for k, o in self.obstacles.items() if t_s - o.t_s < 2 * self.config.memory_s}
 
     # ---- floor or not ----
 
@@ -169,9 +167,9 @@ class ObstacleMap:
             self._floor_votes[region.id] = -3.0
             return
         vote = 0.0
-        measured = report.regions.get(region.id)
-        if measured is not None and measured.depth_cm is not None and measured.sigma_cm is not None:
-            z, sigma = measured.depth_cm, measured.sigma_cm
+        measured = _depth_of(report, region)
+        if measured is not None:
+            z, sigma, _ = measured
             lying = float(np.mean(height / ray_y))
             columns = np.nonzero(mine.any(axis=0))[0]
             lowest = len(mine) - 1 - np.argmax(mine[::-1, columns], axis=0)
@@ -200,7 +198,8 @@ class ObstacleMap:
         sigma = np.hypot(report.vertices.sigma_cm[pick] * slope, xyz[:, 2] * SIGMA_RAY)
         over = self.body.camera_height_cm - down
         sure = sigma < 2.0
-        return int((sure & (np.abs(over) < 2 * sigma + 1.0)).sum()), int((sure & (over > 2 * sigma + 2.0)).sum())
+        on, above = np.abs(over) < 2 * sigma + 1.0, over > 2 * sigma + 2.0
+        return int((sure & on).sum()), int((sure & above).sum())
 
     def _learn_floor_colour(self, snapshot: Snapshot) -> None:
         proven = [r for r in snapshot.regions if self._floor_votes.get(r.id, 0.0) > 0.4]
@@ -217,12 +216,11 @@ class ObstacleMap:
         With a foot, its shape across the columns is the foot's and its mean is the weighted mean of
         measured depth and foot; where the two contradict each other the nearer one counts.
         """
-        measured = report.regions.get(region.id)
         z = s = None
         how = "foot"
-        if measured is not None and measured.depth_cm is not None and measured.sigma_cm is not None:
-            if measured.sigma_cm < 0.25 * measured.depth_cm and measured.depth_cm < RANGE_CM * 1.5:
-                z, s, how = measured.depth_cm, measured.sigma_cm, measured.method or "depth"
+        measured = _depth_of(report, region)
+        if measured is not None and measured[1] < 0.25 * measured[0] and measured[0] < 1.5 * RANGE_CM:
+            z, s, how = measured
         columns = np.nonzero((feet.region == region.id) & ~feet.cut)[0]
         if len(columns) >= 3:
             foot = feet.depth_cm[columns]
@@ -256,8 +254,9 @@ class ObstacleMap:
             else:
                 weight = 0.7
             depth = np.full(len(columns), z)
-        ends = [feet.point(pose, int(c), float(d)) for c, d in ((columns[0], depth[0]), (columns[-1], depth[-1]))]
-        obstacle = Obstacle(region.id, float(z), float(s), how, ends[0], ends[1], pose.t_s)
+        left = feet.point(pose, int(columns[0]), float(depth[0]))
+        right = feet.point(pose, int(columns[-1]), float(depth[-1]))
+        obstacle = Obstacle(region.id, float(z), float(s), how, left, right, pose.t_s)
         return obstacle, columns, depth, weight
 
     def _filled_within(self, feet: _Feet, columns: np.ndarray, pose: Pose) -> bool:
@@ -307,6 +306,14 @@ class ObstacleMap:
             filled[hit | behind] = region
         self.evidence[rows, cols] = np.clip(before + change, -LIMIT, LIMIT)
         self.region[rows, cols] = np.where(filled != NO_REGION, filled, self.region[rows, cols])
+
+
+def _depth_of(report: DepthReport, region: Region) -> tuple[float, float, str] | None:
+    """(depth in cm, sigma in cm, method) of a region, or None where the motion supports none."""
+    found = report.regions.get(region.id)
+    if found is None or found.depth_cm is None or found.sigma_cm is None:
+        return None
+    return found.depth_cm, found.sigma_cm, found.method or "depth"
 
 
 @dataclass(frozen=True)

@@ -189,9 +189,11 @@ class Odometry:
         times = [t0, *sorted({*left.knots(t0, t_s), *right.knots(t0, t_s)} - {t0}), t_s]
         s_left, s_right = left.travel(t0), right.travel(t0)
         for t in times[1:]:
-            l, r = left.travel(t), right.travel(t)
-            x, z, heading = advance(x, z, heading, l - s_left, r - s_right, self._body.track_cm)
-            s_left, s_right = l, r
+            now_left, now_right = left.travel(t), right.travel(t)
+            x, z, heading = advance(
+                x, z, heading, now_left - s_left, now_right - s_right, self._body.track_cm
+            )
+            s_left, s_right = now_left, now_right
         return x, z, heading
 
     def pose_at(self, t_s: float) -> Pose:

@@ -35,7 +35,10 @@ class Way:
 
 
 def find_way(
-    obstacle_map: ObstacleMap, room_cm: np.ndarray, start_cm: tuple[float, float], goal_cm: tuple[float, float]
+    obstacle_map: ObstacleMap,
+    room_cm: np.ndarray,
+    start_cm: tuple[float, float],
+    goal_cm: tuple[float, float],
 ) -> Way:
     """The cheapest way to within the goal's tolerance, or to the reachable place nearest to the goal.
 

@@ -24,6 +24,7 @@ TURN_TO_RAD = math.radians(2.5)
 BEND_RAD_S = 0.25  # most a straight piece may bend
 WORTH_CM = 15.0  # a way that does not reach the goal must bring the robot this much nearer
 LEAST_ROOM_CM = 8.0  # a heading with less room than this is no way on
+ALL_ROUND_RAD = math.radians(150)
 SIDE_STEP_RAD = math.radians(15)  # headings tried where the way is shut right at the rim
 
 
@@ -67,7 +68,9 @@ def body_of(camera: Pose, ahead_cm: float) -> tuple[float, float, float]:
     return x - ahead_cm * math.sin(heading), z - ahead_cm * math.cos(heading), heading
 
 
-def look_ahead(obstacle_map: ObstacleMap, x: float, z: float, heading: float, reach_cm: float = 150.0) -> Ahead:
+def look_ahead(
+    obstacle_map: ObstacleMap, x: float, z: float, heading: float, reach_cm: float = 150.0
+) -> Ahead:
     """What the disc of the robot meets when its middle goes straight along a heading."""
     config, radius = obstacle_map.config, obstacle_map.body.radius_cm
     half_cell = config.cell_cm / 2
@@ -115,13 +118,15 @@ def decide(
     if to_goal <= config.goal_tolerance_cm:
         return Command(0.0, 0.0, f"goal reached, {to_goal:.0f} cm off", "goal"), plan
 
-    plan = _planned(plan, obstacle_map, camera.t_s, (x, z), goal_cm)
+    plan = _planned(plan, obstacle_map, camera.t_s, (x, z), heading, goal_cm)
     if plan.way is None:
         return _look_around(plan, camera.t_s, heading, obstacle_map, (x, z))
     plan = replace(plan, lost_s=None, looked_rad=0.0)
 
     aim = plan.aim or goal_cm
-    error = _wrap(math.atan2(aim[0] - x, aim[1] - z) - heading)
+    error = _wrap(_bearing((x, z), aim) - heading)
+    if error < -ALL_ROUND_RAD:  # almost straight behind: always to the right, so as not to dither
+        error += 2 * math.pi
     turning = plan.piece_from is None
     if abs(error) > (TURN_TO_RAD if turning else TURN_FROM_RAD):
         why = look_ahead(obstacle_map, x, z, heading)
@@ -156,13 +161,16 @@ def _speed(ahead: Ahead, obstacle_map: ObstacleMap) -> tuple[float, str]:
     if fast < 1.0:
         return 0.0, f"stop: {thing}, {ahead.room_cm:.0f} cm from the rim"
     if v == config.speed_cm_s:
-        return v, f"straight: {ahead.room_cm:.0f} cm free ahead" + (f", then {thing}" if ahead.obstacle else "")
+        then = f", then {thing}" if ahead.obstacle else ""
+        return v, f"straight: {ahead.room_cm:.0f} cm free ahead{then}"
     if fast <= blind:
         return v, f"slow: {thing}, {ahead.room_cm:.0f} cm from the rim"
     return v, f"creep: floor not seen {ahead.unseen_cm:.0f} cm ahead, looking for depth"
 
 
-def _planned(plan: Plan, obstacle_map: ObstacleMap, t_s: float, here: tuple[float, float], goal_cm) -> Plan:
+def _planned(
+    plan: Plan, obstacle_map: ObstacleMap, t_s: float, here: tuple[float, float], heading: float, goal_cm
+) -> Plan:
     """A fresh way when the last one is old, and the next aim on it at the end of a straight piece."""
     config = obstacle_map.config
     if t_s - plan.made_s < PLAN_EVERY_S:
@@ -173,32 +181,38 @@ def _planned(plan: Plan, obstacle_map: ObstacleMap, t_s: float, here: tuple[floa
     if not way.to_goal and gain < WORTH_CM:
         return replace(plan, way=None, aim=None, piece_from=None, made_s=t_s)
     plan = replace(plan, way=way, made_s=t_s)
-    driven = 0.0 if plan.piece_from is None else math.dist(plan.piece_from, here)
-    if plan.aim is not None and _clear(obstacle_map, room, here, plan.aim):
-        short = driven < config.piece_cm and math.dist(plan.aim, here) > config.cell_cm
-        if plan.piece_from is None or short:
-            return plan
-    return replace(plan, aim=_aim_on(way, obstacle_map, room, here, goal_cm))
+    aim = _aim_on(way, obstacle_map, room, here, goal_cm)
+    old = plan.aim
+    if (
+        old is not None
+        and math.dist(old, here) > 2 * config.cell_cm
+        and _clear(obstacle_map, room, here, old)
+    ):
+        if plan.piece_from is None:  # turning: towards whichever of the two is nearer, so as not to dither
+            aim = min(old, aim, key=lambda p: abs(_wrap(_bearing(here, p) - heading)))
+        elif math.dist(plan.piece_from, here) < config.piece_cm:
+            aim = old
+    return replace(plan, aim=aim)
 
 
 def _aim_on(way: Way, obstacle_map: ObstacleMap, room: np.ndarray, here, goal_cm) -> tuple[float, float]:
-    """The farthest point of the way that a straight line reaches, or the side step that comes nearest to it."""
+    """The farthest point of the way that a straight line reaches, or a side step where that is shut."""
     points = [*way.points[1:], *([goal_cm] if way.to_goal else [])]
-    aim = points[0]
+    points = [p for p in points if math.dist(p, here) > 2 * obstacle_map.config.cell_cm] or points[-1:]
+    aim = points[0] if points else goal_cm
     for point in points:
-        if math.dist(point, here) > 1.5 * obstacle_map.config.cell_cm:
-            if not _clear(obstacle_map, room, here, point):
-                break
-            aim = point
+        if not _clear(obstacle_map, room, here, point):
+            break
+        aim = point
     return _side_step(obstacle_map, here, aim)
 
 
 def _side_step(obstacle_map: ObstacleMap, here, aim) -> tuple[float, float]:
     """The aim itself, or where it is shut right at the rim a short piece along the nearest open heading."""
-    wanted = math.atan2(aim[0] - here[0], aim[1] - here[1])
+    wanted = _bearing(here, aim)
     for k in range(2 * math.ceil(math.pi / SIDE_STEP_RAD)):
         heading = wanted + (k + 1) // 2 * (SIDE_STEP_RAD if k % 2 else -SIDE_STEP_RAD)
-        room = look_ahead(obstacle_map, *here, heading).room_cm
+        room = look_ahead(obstacle_map, here[0], here[1], heading).room_cm
         if room > LEAST_ROOM_CM:
             length = min(room, obstacle_map.config.piece_cm) if k else math.dist(here, aim)
             return here[0] + length * math.sin(heading), here[1] + length * math.cos(heading)
@@ -212,22 +226,30 @@ def _clear(obstacle_map: ObstacleMap, room: np.ndarray, start, end) -> bool:
     first = obstacle_map.body.radius_cm
     for s in np.arange(min(first, length), length + 1e-9, obstacle_map.config.cell_cm / 2):
         part = s / max(length, 1e-9)
-        cell = obstacle_map.cell_of(start[0] + part * (end[0] - start[0]), start[1] + part * (end[1] - start[1]))
-        if room[cell] < limit:
+        x, z = (a + part * (b - a) for a, b in zip(start, end, strict=True))
+        if room[obstacle_map.cell_of(x, z)] < limit:
             return False
     return True
 
 
-def _look_around(plan: Plan, t_s: float, heading: float, obstacle_map: ObstacleMap, here) -> tuple[Command, Plan]:
+def _look_around(
+    plan: Plan, t_s: float, heading: float, obstacle_map: ObstacleMap, here: tuple[float, float]
+) -> tuple[Command, Plan]:
     """No way known: turn on the spot to see more; after a full turn and a while the drive is blocked."""
     turned = 0.0 if plan.lost_s is None else abs(_wrap(heading - plan.last_heading))
     lost = t_s if plan.lost_s is None else plan.lost_s
-    plan = replace(plan, lost_s=lost, looked_rad=plan.looked_rad + turned, last_heading=heading, piece_from=None)
-    ahead = look_ahead(obstacle_map, *here, heading)
+    looked = plan.looked_rad + turned
+    plan = replace(plan, lost_s=lost, looked_rad=looked, last_heading=heading, piece_from=None)
+    ahead = look_ahead(obstacle_map, here[0], here[1], heading)
     thing = f"; ahead {ahead.obstacle}" if ahead.obstacle else ""
     if plan.looked_rad >= 2 * math.pi and t_s - lost >= obstacle_map.config.give_up_s:
         return Command(0.0, 0.0, f"blocked: no way to the goal after looking around{thing}", "blocked"), plan
     return Command(0.0, obstacle_map.config.turn_rad_s, f"looking around: no way known{thing}"), plan
+
+
+def _bearing(start: tuple[float, float], end: tuple[float, float]) -> float:
+    """Heading from one point (x, z) to another, rad."""
+    return math.atan2(end[0] - start[0], end[1] - start[1])
 
 
 def _wrap(angle: float) -> float:
