@@ -7,8 +7,49 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class NetConfig:
-    """Settings of the deformable net. Lengths in pixels, colours in the net's colour units."""
+    """Settings of the deformable net. Lengths in pixels, colours in CIELAB units with lightness discounted."""
 
-    square_px: int = 16  # side of the initial squares
-    merge_distance: float = 14.0  # eta of the paper: colours nearer than this are one region
-    min_area_px: float = 200.0  # smaller polygons are merged into a neighbour
+    square_px: int = 16
+    """Side of the initial squares (Fig. 2)."""
+    merge_distance: float = 8.0
+    """Colours nearer than this belong to one polygon (eta of the paper)."""
+    lightness_weight: float = 0.3
+    """How much lightness counts beside hue; low, so that an object's own shading does not split it."""
+    min_area_px: float = 200.0
+    """Polygons smaller than this join a neighbour."""
+    min_width_px: float = 2.5
+    """Polygons thinner than this join a neighbour."""
+    start_reach_px: int = 8
+    """Depth of the sensitivity regions on the first frame (w of the paper)."""
+    track_reach_px: int = 12
+    """The same while tracking, where it bounds how far an edge may move between frames."""
+    start_cycles: int = 60
+    """Most deformation cycles on the first frame."""
+    track_cycles: int = 16
+    """Most deformation cycles on later frames."""
+    group_step: float = 8.0
+    """Neighbouring polygons are one region where the colour steps less than this across their common edge."""
+    keep_step: float = 12.0
+    """Polygons that are one region part only above this step."""
+    refresh_frames: int = 5
+    """Every so many frames the net is drawn anew from its own regions, to regain worn-off corners; 0: never."""
+
+    def __post_init__(self) -> None:
+        bounds = {
+            "square_px": (4, 200),
+            "merge_distance": (1, 200),
+            "lightness_weight": (0, 1),
+            "min_area_px": (1, 1e6),
+            "min_width_px": (0, 100),
+            "start_reach_px": (2, 20),
+            "track_reach_px": (2, 20),
+            "start_cycles": (1, 1000),
+            "track_cycles": (1, 1000),
+            "group_step": (0, 200),
+            "keep_step": (0, 200),
+            "refresh_frames": (0, 100000),
+        }
+        for name, (low, high) in bounds.items():
+            value = getattr(self, name)
+            if not low <= value <= high:
+                raise ValueError(f"{name} = {value} is outside {low} to {high}")

@@ -1,0 +1,202 @@
+// The Python face of the net: arrays in, arrays out.
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/vector.h>
+
+#include <chrono>
+#include <cstring>
+
+#include "loops.hpp"
+#include "refine.hpp"
+#include "tracker.hpp"
+
+namespace nb = nanobind;
+using namespace nb::literals;
+
+namespace {
+
+using ByteImage = nb::ndarray<const std::uint8_t, nb::shape<-1, -1, 3>, nb::c_contig, nb::device::cpu>;
+using IntArray = nb::ndarray<const std::int32_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+
+template <class T>
+nb::object to_array(const std::vector<T>& values, std::initializer_list<std::size_t> shape) {
+    T* data = new T[values.size() + 1];
+    std::copy(values.begin(), values.end(), data);
+    nb::capsule owner(data, [](void* p) noexcept { delete[] static_cast<T*>(p); });
+    return nb::cast(nb::ndarray<nb::numpy, T>(data, shape, owner));
+}
+
+template <class T>
+nb::object to_array(const std::vector<T>& values) {
+    return to_array(values, {values.size()});
+}
+
+double now_ms() {
+    const auto t = std::chrono::steady_clock::now().time_since_epoch();
+    return std::chrono::duration<double, std::milli>(t).count();
+}
+
+class NetCore {
+public:
+    explicit NetCore(const rbdn::Config& config) : tracker_(config) {}
+
+    void track(const ByteImage& lab, const IntArray& source) {
+        const auto height = static_cast<int>(lab.shape(0)), width = static_cast<int>(lab.shape(1));
+        const std::vector<int> turned(source.data(), source.data() + source.shape(0));
+        nb::gil_scoped_release release;
+        tracker_.track(lab.data(), width, height, turned);
+    }
+
+    nb::dict refine(const ByteImage& bgr) {
+        const double begin = now_ms();
+        const rbdn::Mesh& mesh = tracker_.mesh();
+        const rbdn::RegionSet& regions = tracker_.regions();
+        const int count = static_cast<int>(regions.id.size());
+        linear_.load(bgr.data(), static_cast<int>(bgr.shape(1)), static_cast<int>(bgr.shape(0)));
+        const rbdn::Refinement fine =
+            rbdn::refine(mesh, linear_, tracker_.labels(), regions.of_face, count);
+        const double end = now_ms();
+
+        nb::dict out;
+        put_regions(out, mesh, regions, count, bgr);
+        put_loops(out, mesh, regions);
+        put_vertices(out, mesh, fine);
+        put_outline(out, fine);
+        out["area_px"] = to_array(fine.area);
+        out["sigma_area_px"] = to_array(fine.area_sigma);
+        out["refine_ms"] = end - begin;
+        return out;
+    }
+
+    nb::dict faces() const {
+        const rbdn::Mesh& mesh = tracker_.mesh();
+        std::vector<double> xy;
+        for (const rbdn::Vertex& v : mesh.vertices) xy.insert(xy.end(), {v.p.x - 0.5, v.p.y - 0.5});
+        std::vector<std::int32_t> edges;
+        for (const rbdn::Edge& e : mesh.edges) edges.insert(edges.end(), {e.a, e.b, e.left, e.right});
+        std::vector<std::int32_t> labels(tracker_.labels().begin(), tracker_.labels().end());
+        std::vector<float> means;
+        for (const rbdn::Face& f : mesh.faces)
+            for (float c : f.mean) means.push_back(c / rbdn::Image::kUnitsPerLab);
+        nb::dict out;
+        out["vertices_px"] = to_array(xy, {mesh.vertices.size(), 2});
+        out["edges"] = to_array(edges, {mesh.edges.size(), 4});
+        out["means"] = to_array(means, {mesh.faces.size(), 3});
+        out["labels"] = to_array(labels, {static_cast<std::size_t>(mesh.height), static_cast<std::size_t>(mesh.width)});
+        return out;
+    }
+
+    int cycles() const { return tracker_.cycles(); }
+    std::vector<int> bad_edges() const { return tracker_.bad_edges(); }
+
+private:
+    void put_regions(nb::dict& out, const rbdn::Mesh& mesh, const rbdn::RegionSet& regions, int count,
+                     const ByteImage& bgr) const {
+        std::vector<char> at_border(count, 0);
+        for (const rbdn::Edge& e : mesh.edges) {
+            if (!e.on_border()) continue;
+            const int face = e.left >= 0 ? e.left : e.right;
+            if (face >= 0) at_border[regions.of_face[face]] = 1;
+        }
+        std::vector<double> rgb(3 * static_cast<std::size_t>(count), 0.0), pixels(count, 0.0);
+        const std::vector<int>& labels = tracker_.labels();
+        for (std::size_t k = 0; k < labels.size(); ++k) {
+            const int r = regions.of_face[labels[k]];
+            for (int c = 0; c < 3; ++c) rgb[3 * r + c] += bgr.data()[3 * k + 2 - c];
+            pixels[r] += 1.0;
+        }
+        for (int r = 0; r < count; ++r)
+            for (int c = 0; c < 3; ++c) rgb[3 * r + c] /= std::max(pixels[r], 1.0);
+        out["region_ids"] = to_array(regions.id);
+        out["region_parents"] = to_array(regions.parent);
+        out["touches_border"] = to_array(std::vector<std::uint8_t>(at_border.begin(), at_border.end()));
+        out["mean_rgb"] = to_array(rgb, {static_cast<std::size_t>(count), 3});
+    }
+
+    // Loops as runs of vertex indices; an outer loop is followed by its holes.
+    void put_loops(nb::dict& out, const rbdn::Mesh& mesh, const rbdn::RegionSet& regions) const {
+        const std::vector<rbdn::Loop> loops = rbdn::trace_loops(mesh, regions.of_face);
+        std::vector<std::int32_t> starts{0}, region, vertices, neighbours;
+        std::vector<double> areas;
+        for (const rbdn::Loop& loop : loops) {
+            for (std::size_t k = 0; k < loop.vertices.size(); ++k) {
+                const rbdn::Edge& e = mesh.edges[loop.edges[k]];
+                const int beyond = e.right_from(loop.vertices[k]);
+                vertices.push_back(loop.vertices[k]);
+                neighbours.push_back(beyond < 0 ? -1 : regions.of_face[beyond]);
+            }
+            starts.push_back(static_cast<std::int32_t>(vertices.size()));
+            region.push_back(loop.face);
+            areas.push_back(loop.area);
+        }
+        out["loop_starts"] = to_array(starts);
+        out["loop_regions"] = to_array(region);
+        out["loop_areas"] = to_array(areas);
+        out["loop_vertices"] = to_array(vertices);
+        out["loop_neighbours"] = to_array(neighbours);
+    }
+
+    void put_vertices(nb::dict& out, const rbdn::Mesh& mesh, const rbdn::Refinement& fine) const {
+        std::vector<std::int64_t> ids;
+        std::vector<double> xy;
+        for (std::size_t k = 0; k < mesh.vertices.size(); ++k) {
+            ids.push_back(mesh.vertices[k].id);
+            xy.insert(xy.end(), {fine.vertices[k].x - 0.5, fine.vertices[k].y - 0.5});
+        }
+        out["vertex_ids"] = to_array(ids);
+        out["vertices_px"] = to_array(xy, {ids.size(), 2});
+        out["vertex_sigma_px"] = to_array(fine.vertex_sigma);
+    }
+
+    void put_outline(nb::dict& out, const rbdn::Refinement& fine) const {
+        std::vector<double> xy, normal, size, sigma;
+        std::vector<std::int32_t> left, right;
+        for (const rbdn::OutlinePoint& p : fine.outline) {
+            xy.insert(xy.end(), {p.p.x - 0.5, p.p.y - 0.5});
+            normal.insert(normal.end(), {p.normal.x, p.normal.y});
+            size.push_back(p.length_px);
+            sigma.push_back(p.sigma_px);
+            left.push_back(p.left);
+            right.push_back(p.right);
+        }
+        out["outline_px"] = to_array(xy, {left.size(), 2});
+        out["outline_normal"] = to_array(normal, {left.size(), 2});
+        out["outline_length_px"] = to_array(size);
+        out["outline_sigma_px"] = to_array(sigma);
+        out["outline_left"] = to_array(left);
+        out["outline_right"] = to_array(right);
+    }
+
+    rbdn::Tracker tracker_;
+    rbdn::LinearImage linear_;
+};
+
+}  // namespace
+
+NB_MODULE(_core, m) {
+    m.doc() = "The Region-based Deformable Net's engine; use it through host.rbdn.Net.";
+
+    nb::class_<rbdn::Config>(m, "Config")
+        .def(nb::init<>())
+        .def_rw("square_px", &rbdn::Config::square_px)
+        .def_rw("merge_distance", &rbdn::Config::merge_distance)
+        .def_rw("lightness_weight", &rbdn::Config::lightness_weight)
+        .def_rw("min_area_px", &rbdn::Config::min_area_px)
+        .def_rw("min_width_px", &rbdn::Config::min_width_px)
+        .def_rw("start_reach_px", &rbdn::Config::start_reach_px)
+        .def_rw("track_reach_px", &rbdn::Config::track_reach_px)
+        .def_rw("start_cycles", &rbdn::Config::start_cycles)
+        .def_rw("track_cycles", &rbdn::Config::track_cycles)
+        .def_rw("group_step", &rbdn::Config::group_step)
+        .def_rw("keep_step", &rbdn::Config::keep_step)
+        .def_rw("refresh_frames", &rbdn::Config::refresh_frames);
+
+    nb::class_<NetCore>(m, "NetCore")
+        .def(nb::init<const rbdn::Config&>(), "config"_a)
+        .def("track", &NetCore::track, "lab"_a, "source"_a,
+             "Fit the net to an 8-bit CIELAB image; `source` as in Tracker::track, empty for none.")
+        .def("refine", &NetCore::refine, "bgr"_a, "Regions, loops, vertices and sub-pixel outline as arrays.")
+        .def("faces", &NetCore::faces, "Vertices, edges (a, b, left, right), face means and the label image.")
+        .def_prop_ro("cycles", &NetCore::cycles)
+        .def("bad_edges", &NetCore::bad_edges, "Edges at fault; empty for a consistent net.");
+}

@@ -1,0 +1,200 @@
+// Deformation forces: mismatched pixels beside every edge, and the vertex moves they ask for (Eq. 1-6).
+#include "forces.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace rbdn {
+
+namespace {
+
+constexpr int kDeepestRun = 24;
+
+// Does `other` claim the pixel from `own`? Nearest mean, without the dead zone of the paper's two thresholds,
+// and near enough to `other` not to be a third colour.
+class Claim {
+public:
+    Claim(const Colour& own, const Colour& other, const ClaimRule& rule) : other_(other) {
+        float between2 = 0;
+        for (int k = 0; k < 3; ++k) {
+            direction_[k] = other[k] - own[k];
+            between2 += direction_[k] * direction_[k];
+            middle_ += direction_[k] * 0.5F * (other[k] + own[k]);
+        }
+        gate2_ = std::max(rule.eta2, 0.30F * between2);
+    }
+
+    bool operator()(const Pixel& p) const {
+        const float projected = direction_[0] * p.c[0] + direction_[1] * p.c[1] + direction_[2] * p.c[2];
+        return projected > middle_ && distance2(p, other_) <= gate2_;
+    }
+
+private:
+    Colour other_;
+    Colour direction_{};
+    float middle_ = 0;
+    float gate2_ = 0;
+};
+
+// One axis of the disparity: edges that cross these lines steeply.
+void measure_along(const Mesh& mesh, const CrossingLines& lines, Axis axis, const Image& image,
+                   const ClaimRule& rule, int reach_px, std::vector<Disparity>& out) {
+    const bool rows = axis == Axis::kRows;
+    const int size = rows ? mesh.width : mesh.height;
+    for (int k = 0; k < lines.line_count(); ++k) {
+        const auto crossings = lines.line(k);
+        for (std::size_t i = 1; i + 1 < crossings.size(); ++i) {
+            const Crossing& c = crossings[i];
+            const Edge& e = mesh.edges[c.edge];
+            if (e.on_border()) continue;
+            const Vec2 a = mesh.vertices[e.a].p, b = mesh.vertices[e.b].p;
+            const double dx = std::abs(b.x - a.x), dy = std::abs(b.y - a.y);
+            if (rows ? dy < dx : dx <= dy) continue;
+
+            const double steep = rows ? dy : dx;
+            const int depth = std::min(kDeepestRun, static_cast<int>(std::ceil(reach_px * std::hypot(dx, dy) / steep)));
+            const double across = k + 0.5;
+            const double from_a = std::abs(across - (rows ? a.y : a.x)) / steep;
+            const int half = from_a < 0.5 ? 0 : 1;
+
+            const int here = std::clamp(first_pixel_from(c.at), 0, size);
+            const int low = std::max(std::clamp(first_pixel_from(crossings[i - 1].at), 0, size), here - depth);
+            const int high = std::min(std::clamp(first_pixel_from(crossings[i + 1].at), 0, size), here + depth);
+            const auto pixel = [&](int at) -> const Pixel& { return rows ? image.at(at, k) : image.at(k, at); };
+
+            const Colour& before = mesh.faces[c.before].mean;
+            const Colour& after = mesh.faces[c.after].mean;
+            const Claim by_after(before, after, rule);
+            const Claim by_before(after, before, rule);
+            int run_before = 0;
+            for (int at = here - 1; at >= low && by_after(pixel(at)); --at) ++run_before;
+            int run_after = 0;
+            for (int at = here; at < high && by_before(pixel(at)); ++at) ++run_after;
+
+            Disparity& d = out[c.edge];
+            const bool left_is_before = c.before == e.left;
+            d.left_claimed[half] += static_cast<float>(left_is_before ? run_before : run_after);
+            d.right_claimed[half] += static_cast<float>(left_is_before ? run_after : run_before);
+        }
+    }
+}
+
+// The 2x2 normal equations of one vertex.
+struct NormalEquations {
+    double xx = 0, xy = 0, yy = 0, x = 0, y = 0;
+
+    void add(Vec2 normal, double displacement, double weight) {
+        xx += weight * normal.x * normal.x;
+        xy += weight * normal.x * normal.y;
+        yy += weight * normal.y * normal.y;
+        x += weight * normal.x * displacement;
+        y += weight * normal.y * displacement;
+    }
+};
+
+Vec2 solve_move(const NormalEquations& n, std::uint8_t sides) {
+    const double damping = 0.08 * (n.xx + n.yy);
+    if (damping <= 0.0) return {};
+    const bool slides_vertically = sides & (kLeftSide | kRightSide);
+    const bool slides_horizontally = sides & (kTopSide | kBottomSide);
+    if (slides_vertically && slides_horizontally) return {};
+    if (slides_vertically) return {0.0, n.y / (n.yy + damping)};
+    if (slides_horizontally) return {n.x / (n.xx + damping), 0.0};
+    const double xx = n.xx + damping, yy = n.yy + damping;
+    const double det = xx * yy - n.xy * n.xy;
+    return {(yy * n.x - n.xy * n.y) / det, (xx * n.y - n.xy * n.x) / det};
+}
+
+}  // namespace
+
+std::vector<Disparity> measure_disparity(const Mesh& mesh, const Crossings& crossings, const Image& image,
+                                         const ClaimRule& rule, int reach_px) {
+    std::vector<Disparity> out(mesh.edges.size());
+    measure_along(mesh, crossings.rows(), Axis::kRows, image, rule, reach_px, out);
+    measure_along(mesh, crossings.columns(), Axis::kColumns, image, rule, reach_px, out);
+    return out;
+}
+
+double total_disparity(const std::vector<Disparity>& disparity) {
+    double sum = 0;
+    for (const Disparity& d : disparity)
+        sum += d.left_claimed[0] + d.left_claimed[1] + d.right_claimed[0] + d.right_claimed[1];
+    return sum;
+}
+
+double half_displacement(const Disparity& d, int half, double edge_length) {
+    // Eq. 1-2 give H / (2 lambda); over a half edge of lambda / 2 the true displacement is 2 H / lambda.
+    return 2.0 * (d.left_claimed[half] - d.right_claimed[half]) / edge_length;
+}
+
+double move_vertices(Mesh& mesh, const std::vector<Disparity>& disparity, int reach_px, double gain) {
+    std::vector<NormalEquations> equations(mesh.vertices.size());
+    std::vector<double> shortest(mesh.vertices.size(), 1e9);
+    for (std::size_t k = 0; k < mesh.edges.size(); ++k) {
+        const Edge& e = mesh.edges[k];
+        const double size = mesh.edge_length(e);
+        shortest[e.a] = std::min(shortest[e.a], size);
+        shortest[e.b] = std::min(shortest[e.b], size);
+        if (e.on_border() || size < 1e-9) continue;
+        const Vec2 normal = left_normal(mesh.along(e));
+        const double weight = std::min(size, 30.0) / 2.0;
+        equations[e.a].add(normal, half_displacement(disparity[k], 0, size), weight);
+        equations[e.b].add(normal, half_displacement(disparity[k], 1, size), weight);
+    }
+
+    double longest = 0;
+    for (std::size_t k = 0; k < mesh.vertices.size(); ++k) {
+        Vertex& v = mesh.vertices[k];
+        Vec2 move = gain * solve_move(equations[k], v.sides);
+        const double limit = std::min(reach_px / 2.0, std::max(0.7, 0.45 * shortest[k]));
+        const double size = length(move);
+        if (size > limit) move = (limit / size) * move;
+        constexpr double kInset = 0.02;  // interior vertices stay off the border
+        const double inset_x = v.sides & (kLeftSide | kRightSide) ? 0.0 : kInset;
+        const double inset_y = v.sides & (kTopSide | kBottomSide) ? 0.0 : kInset;
+        // A border vertex keeps off the corners, which are vertices of their own.
+        const double low_x = v.sides & (kTopSide | kBottomSide) ? kInset : inset_x;
+        const double low_y = v.sides & (kLeftSide | kRightSide) ? kInset : inset_y;
+        const Vec2 target = v.p + move;
+        if (!mesh.is_corner(static_cast<int>(k))) {
+            v.p.x = v.sides & (kLeftSide | kRightSide) ? v.p.x : std::clamp(target.x, low_x, mesh.width - low_x);
+            v.p.y = v.sides & (kTopSide | kBottomSide) ? v.p.y : std::clamp(target.y, low_y, mesh.height - low_y);
+        }
+        v.moved = length(v.p - v.held);
+        longest = std::max(longest, v.moved);
+    }
+    return longest;
+}
+
+void settle_moves(Mesh& mesh, Crossings& crossings) {
+    constexpr int kTries = 9;
+    std::vector<char> touched(mesh.vertices.size(), 0);
+    for (int attempt = 0; attempt <= kTries; ++attempt) {
+        crossings.build(mesh);
+        const std::vector<int> bad = crossings.bad_edges(mesh);
+        if (bad.empty()) break;
+        if (attempt == kTries) {
+            for (Vertex& v : mesh.vertices) v.p = v.held;
+            crossings.build(mesh);
+            break;
+        }
+        for (int e : bad) touched[mesh.edges[e].a] = touched[mesh.edges[e].b] = 1;
+        for (int ring = 2; ring <= attempt; ++ring) {
+            std::vector<char> wider = touched;
+            for (const Edge& e : mesh.edges)
+                if (touched[e.a] || touched[e.b]) wider[e.a] = wider[e.b] = 1;
+            touched.swap(wider);
+        }
+        for (std::size_t k = 0; k < mesh.vertices.size(); ++k) {
+            if (!touched[k]) continue;
+            Vertex& v = mesh.vertices[k];
+            v.p = attempt == 0 ? v.held + 0.5 * (v.p - v.held) : v.held;
+        }
+    }
+    for (Vertex& v : mesh.vertices) {
+        v.moved = length(v.p - v.held);
+        v.held = v.p;
+    }
+}
+
+}  // namespace rbdn

@@ -1,0 +1,160 @@
+// Polygon merging: by colour, by size and by thinness (section 2.3 of the paper).
+#include "merge.hpp"
+
+#include <algorithm>
+#include <map>
+#include <queue>
+
+namespace rbdn {
+
+namespace {
+
+// Faces as a shrinking graph: each group of merged faces is represented by one of them.
+class FaceGraph {
+public:
+    explicit FaceGraph(const Mesh& mesh)
+        : root_(mesh.faces.size()), sum_(mesh.faces.size()), mean_(mesh.faces.size()),
+          neighbours_(mesh.faces.size()), perimeter_(mesh.faces.size(), 0.0), version_(mesh.faces.size(), 0),
+          alive_(mesh.faces.size(), 0) {
+        for (std::size_t k = 0; k < mesh.faces.size(); ++k) {
+            root_[k] = static_cast<int>(k);
+            sum_[k] = mesh.faces[k].sum;
+            mean_[k] = mesh.faces[k].mean;
+        }
+        for (const Edge& e : mesh.edges) {
+            const double size = mesh.edge_length(e);
+            for (int face : {e.left, e.right}) {
+                if (face < 0) continue;
+                perimeter_[face] += size;
+                alive_[face] = 1;
+            }
+            if (!e.on_border() && e.left != e.right) {
+                neighbours_[e.left][e.right] += size;
+                neighbours_[e.right][e.left] += size;
+            }
+        }
+    }
+
+    int size() const { return static_cast<int>(root_.size()); }
+    bool alive(int face) const { return alive_[face] != 0; }
+    int version(int face) const { return version_[face]; }
+    const std::map<int, double>& neighbours(int face) const { return neighbours_[face]; }
+    double area(int face) const { return static_cast<double>(sum_[face].count); }
+    double width(int face) const { return perimeter_[face] > 0 ? 2.0 * area(face) / perimeter_[face] : 0.0; }
+
+    double colour_distance2(int a, int b) const { return distance2(mean_[a], mean_[b]); }
+
+    int root_of(int face) const {
+        while (root_[face] != face) face = root_[face];
+        return face;
+    }
+
+    // The larger face survives; returns it.
+    int merge(int a, int b) {
+        const int kept = sum_[a].count >= sum_[b].count ? a : b;
+        const int gone = kept == a ? b : a;
+        perimeter_[kept] += perimeter_[gone] - 2.0 * neighbours_[kept][gone];
+        neighbours_[kept].erase(gone);
+        for (const auto& [other, shared] : neighbours_[gone]) {
+            neighbours_[other].erase(gone);
+            if (other == kept) continue;
+            neighbours_[kept][other] += shared;
+            neighbours_[other][kept] += shared;
+        }
+        neighbours_[gone].clear();
+        // A face too small to hold a pixel centre has no colour to contribute.
+        sum_[kept].add(sum_[gone]);
+        if (sum_[kept].count > 0) mean_[kept] = sum_[kept].mean();
+        root_[gone] = kept;
+        alive_[gone] = 0;
+        ++version_[kept];
+        return kept;
+    }
+
+private:
+    std::vector<int> root_;
+    std::vector<ColourSum> sum_;
+    std::vector<Colour> mean_;
+    std::vector<std::map<int, double>> neighbours_;  // ordered, so that ties fall the same way every time
+    std::vector<double> perimeter_;
+    std::vector<int> version_;
+    std::vector<char> alive_;
+};
+
+struct Candidate {
+    double distance2;
+    int a, b;
+    int version_a, version_b;
+
+    bool operator>(const Candidate& o) const {
+        return distance2 != o.distance2 ? distance2 > o.distance2 : a != o.a ? a > o.a : b > o.b;
+    }
+};
+
+int merge_alike(FaceGraph& graph, double eta) {
+    std::priority_queue<Candidate, std::vector<Candidate>, std::greater<>> queue;
+    const auto offer = [&](int a, int b) {
+        const double d2 = graph.colour_distance2(a, b);
+        if (d2 <= eta * eta)
+            queue.push({d2, std::min(a, b), std::max(a, b), graph.version(std::min(a, b)),
+                        graph.version(std::max(a, b))});
+    };
+    for (int a = 0; a < graph.size(); ++a)
+        for (const auto& [b, shared] : graph.neighbours(a))
+            if (a < b) offer(a, b);
+
+    int merged = 0;
+    while (!queue.empty()) {
+        const Candidate c = queue.top();
+        queue.pop();
+        if (!graph.alive(c.a) || !graph.alive(c.b)) continue;
+        if (graph.version(c.a) != c.version_a || graph.version(c.b) != c.version_b) continue;
+        const int kept = graph.merge(c.a, c.b);
+        ++merged;
+        for (const auto& [other, shared] : graph.neighbours(kept)) offer(kept, other);
+    }
+    return merged;
+}
+
+// Small and thin faces join the neighbour of the nearest colour, however far that is; smallest first.
+int merge_insignificant(FaceGraph& graph, const MergeRule& rule) {
+    const auto insignificant = [&](int face) {
+        return graph.area(face) < rule.min_area_px || graph.width(face) < rule.min_width_px;
+    };
+    std::vector<int> order;
+    for (int k = 0; k < graph.size(); ++k)
+        if (graph.alive(k) && insignificant(k)) order.push_back(k);
+    std::stable_sort(order.begin(), order.end(), [&](int a, int b) { return graph.area(a) < graph.area(b); });
+
+    int merged = 0;
+    for (int face : order) {
+        if (!graph.alive(face) || !insignificant(face) || graph.neighbours(face).empty()) continue;
+        int nearest = -1;
+        for (const auto& [other, shared] : graph.neighbours(face))
+            if (nearest < 0 || graph.colour_distance2(face, other) < graph.colour_distance2(face, nearest))
+                nearest = other;
+        graph.merge(face, nearest);
+        ++merged;
+    }
+    return merged;
+}
+
+}  // namespace
+
+int merge_faces(Mesh& mesh, const MergeRule& rule) {
+    FaceGraph graph(mesh);
+    int merged = 0;
+    for (int more = 1; more > 0; merged += more) {
+        more = merge_alike(graph, rule.eta);
+        more += merge_insignificant(graph, rule);
+    }
+    if (merged == 0) return 0;
+    for (Edge& e : mesh.edges) {
+        if (e.left >= 0) e.left = graph.root_of(e.left);
+        if (e.right >= 0) e.right = graph.root_of(e.right);
+    }
+    mesh.compact();
+    return merged;
+}
+
+}  // namespace rbdn

@@ -1,0 +1,17 @@
+// Polygon merging: by colour, by size and by thinness (section 2.3 of the paper).
+#pragma once
+
+#include "mesh.hpp"
+
+namespace rbdn {
+
+struct MergeRule {
+    double eta;         // colours nearer than this, in working units, are one polygon
+    double min_area_px;
+    double min_width_px;  // of 2 area / perimeter; anti-aliased edges make slivers larger than min_area
+};
+
+// Merges until nothing is left to merge; faces' sums and means must be up to date. Returns how many were merged.
+int merge_faces(Mesh& mesh, const MergeRule& rule);
+
+}  // namespace rbdn

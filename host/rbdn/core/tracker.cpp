@@ -1,0 +1,165 @@
+// The net's life: made on the first frame, carried to each next one (sections 2 and 3 of the paper).
+#include "tracker.hpp"
+
+#include <algorithm>
+
+#include "fragment.hpp"
+#include "loops.hpp"
+#include "merge.hpp"
+#include "vectorise.hpp"
+
+namespace rbdn {
+
+namespace {
+
+constexpr double kQuiet = 0.25;       // px; the paper's stop by displacement
+constexpr int kPatience = 8;          // cycles without progress before giving up: hard counts jitter for ever
+constexpr double kProgress = 0.97;
+constexpr int kMaintenancePeriod = 3;
+constexpr int kFullGainCycles = 12;
+constexpr double kLateGain = 0.6;
+constexpr double kOffGate = 1.6;      // eta; farther than this from its face, a pixel is off
+constexpr int kFragmentations = 2;    // per frame
+
+}  // namespace
+
+void Tracker::track(const std::uint8_t* lab, int width, int height, const std::vector<int>& source) {
+    image_.load(lab, width, height, config_.lightness_weight);
+    cycles_ = 0;
+    for (Vertex& v : mesh_.vertices) v.fresh = false;
+    for (Edge& e : mesh_.edges) e.settled = false;
+    if (frames_ == 0)
+        start();
+    else
+        follow(source);
+    finish();
+    ++frames_;
+}
+
+void Tracker::start() {
+    mesh_.make_grid(image_.width(), image_.height(), config_.square_px);
+    crossings_.build(mesh_);
+    update_means();
+    merge();
+    deform(config_.start_reach_px, config_.start_cycles, false);
+    for (int k = 0; k < kFragmentations; ++k) {
+        const int before = cycles_;
+        cut_out_news();
+        if (cycles_ == before) break;
+    }
+}
+
+void Tracker::follow(const std::vector<int>& source) {
+    if (!source.empty()) {
+        labels_ = turn_labels(mesh_, labels_, source, config_.square_px);
+        known_off_.clear();
+        vectorise(mesh_, crossings_, labels_);
+        split_faces(mesh_);
+        update_means();
+        merge();
+    } else if (config_.refresh_frames > 0 && frames_ % config_.refresh_frames == 0) {
+        // Deletion wears corners off small outlines; their own raster brings the vertices back.
+        vectorise(mesh_, crossings_, labels_);
+    }
+    // In the first cycle faces keep the last frame's means: under the old net, the new ones are mixtures.
+    deform(config_.track_reach_px, config_.track_cycles, true);
+    cut_out_news();
+}
+
+void Tracker::finish() {
+    merge();
+    split_faces(mesh_);
+    update_means();
+    merge();
+    mesh_.compact();
+    mesh_.compact_faces();
+    crossings_.build(mesh_);
+    update_means();
+    labels_ = crossings_.face_of_pixels(mesh_);
+    known_off_ = off_pixels(mesh_, image_, labels_, kOffGate * eta());
+    const double units = Image::kUnitsPerLab;
+    regions_ = grouping_.update(mesh_, image_, labels_,
+                                {config_.group_step * units, config_.keep_step * units});
+}
+
+void Tracker::deform(int reach_px, int most_cycles, bool keep_means) {
+    double best = 1e300;
+    int waiting = 0;
+    for (int cycle = 0; cycle < most_cycles; ++cycle) {
+        ++cycles_;
+        if (cycle > 0 || !keep_means) update_means();
+        const std::vector<Disparity> d = disparity(reach_px);
+        const double total = total_disparity(d);
+        waiting = total < kProgress * best ? 0 : waiting + 1;
+        best = std::min(best, total);
+
+        move_vertices(mesh_, d, reach_px, cycle < kFullGainCycles ? 1.0 : kLateGain);
+        settle_moves(mesh_, crossings_);
+        double longest = 0;
+        for (const Vertex& v : mesh_.vertices) longest = std::max(longest, v.moved);
+
+        const bool quiet = longest < kQuiet;
+        const bool stuck = waiting >= kPatience;
+        if (quiet || stuck || cycle % kMaintenancePeriod == kMaintenancePeriod - 1) {
+            const int changes = maintain(reach_px);
+            if (stuck || (quiet && changes == 0)) break;
+        }
+    }
+}
+
+int Tracker::maintain(int reach_px) {
+    update_means();
+    int changes = merge();
+    const auto apply = [&](const Operation& operation) { changes += transact(mesh_, crossings_, operation); };
+    const std::vector<Disparity> d = disparity(reach_px);
+    apply([&](Mesh& mesh, const Spared& spared) { return insert_vertices(mesh, d, spared); });
+    apply(delete_vertices);
+    apply(zip_thorns);
+    apply(snap_contacts);
+    apply(snap_to_border);
+    const int pieces = split_faces(mesh_);
+    if (pieces > 0) {
+        crossings_.build(mesh_);
+        update_means();
+        changes += pieces + merge();
+    }
+    return changes;
+}
+
+int Tracker::merge() {
+    const int merged = merge_faces(mesh_, {eta(), config_.min_area_px, config_.min_width_px});
+    if (merged > 0) {
+        crossings_.build(mesh_);
+        update_means();
+    }
+    return merged;
+}
+
+void Tracker::update_means() {
+    const std::vector<ColourSum> sums = crossings_.face_sums(mesh_, image_);
+    for (std::size_t k = 0; k < mesh_.faces.size(); ++k) {
+        mesh_.faces[k].sum = sums[k];
+        if (sums[k].count > 0) mesh_.faces[k].mean = sums[k].mean();
+    }
+}
+
+// Fragmentation (section 3): what does not fit its polygon becomes small squares, and the deformation regroups them.
+void Tracker::cut_out_news() {
+    update_means();
+    labels_ = crossings_.face_of_pixels(mesh_);
+    const std::vector<char> off = off_pixels(mesh_, image_, labels_, kOffGate * eta());
+    if (fragment_faces(mesh_, labels_, off, known_off_, config_.square_px) == 0) return;
+    vectorise(mesh_, crossings_, labels_);
+    split_faces(mesh_);
+    crossings_.build(mesh_);
+    update_means();
+    merge();
+    deform(config_.start_reach_px, config_.track_cycles, false);
+}
+
+std::vector<Disparity> Tracker::disparity(int reach_px) const {
+    const auto eta_units = static_cast<float>(eta());
+    return measure_disparity(mesh_, crossings_, image_, {eta_units * eta_units}, reach_px);
+}
+
+}  // namespace rbdn

@@ -1,0 +1,58 @@
+// The net's life: made on the first frame, carried to each next one (sections 2 and 3 of the paper).
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "config.hpp"
+#include "crossings.hpp"
+#include "forces.hpp"
+#include "image.hpp"
+#include "maintain.hpp"
+#include "mesh.hpp"
+#include "regions.hpp"
+
+namespace rbdn {
+
+class Tracker {
+public:
+    explicit Tracker(const Config& config) : config_(config) {}
+
+    // Fits the net to the next image (8-bit CIELAB). `source` tells, for every pixel, which pixel of the last
+    // frame the camera's rotation brought there (negative: none); empty where the camera did not turn much.
+    void track(const std::uint8_t* lab, int width, int height, const std::vector<int>& source);
+
+    const Mesh& mesh() const { return mesh_; }
+    const RegionSet& regions() const { return regions_; }
+    const std::vector<int>& labels() const { return labels_; }  // face of every pixel
+    int cycles() const { return cycles_; }
+
+    // Faults of the net as it stands; empty unless there is a bug.
+    std::vector<int> bad_edges() const { return crossings_.bad_edges(mesh_); }
+
+private:
+    void start();
+    void follow(const std::vector<int>& source);
+    void finish();
+
+    void deform(int reach_px, int most_cycles, bool keep_means);
+    int maintain(int reach_px);
+    int merge();
+    void update_means();
+    void cut_out_news();
+    std::vector<Disparity> disparity(int reach_px) const;
+    double eta() const { return config_.merge_distance * Image::kUnitsPerLab; }
+
+    Config config_;
+    Image image_;
+    Mesh mesh_;
+    Crossings crossings_;
+    RegionGrouping grouping_;
+    RegionSet regions_;
+    std::vector<int> labels_;
+    std::vector<char> known_off_;  // off-pixels left over from the last frame
+    int frames_ = 0;
+    int cycles_ = 0;
+};
+
+}  // namespace rbdn

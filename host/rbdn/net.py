@@ -1,0 +1,181 @@
+"""The net's face: images in, snapshots out."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import asdict
+
+import cv2
+import numpy as np
+
+from host.camera.lens import Lens
+from host.errors import InputError
+from host.rbdn import _core
+from host.rbdn.config import NetConfig
+from host.rbdn.snapshot import OUTSIDE, Contour, Event, Region, Snapshot, Vertices
+
+SMALLEST_IMAGE_PX = 32
+STEADY_PX = 3.0  # a turn that moves pixels less than this is left to the forces
+
+
+class Net:
+    """Segments the first image it is given and follows the regions through the next ones.
+
+    Parameters
+    ----------
+    config
+        Settings of the net.
+    lens
+        Needed only where `track` is told of the camera's rotation.
+    """
+
+    def __init__(self, config: NetConfig | None = None, lens: Lens | None = None) -> None:
+        self._config = config or NetConfig()
+        self._lens = lens
+        self._core = _core.NetCore(_core_config(self._config))
+        self._seq = 0
+        self._shape: tuple[int, ...] | None = None
+        self._born: dict[int, int] = {}
+
+    def track(self, image: np.ndarray, rotation: np.ndarray | None = None) -> Snapshot:
+        """Fit the net to the next image.
+
+        Parameters
+        ----------
+        image
+            (H, W, 3) uint8, BGR, of the same size at every call.
+        rotation
+            (3, 3), how the camera turned since the last image: ``X_last = rotation @ X_now``. Used before the
+            first cycle where it moves pixels by more than a few.
+
+        Raises
+        ------
+        InputError
+            for an image of another kind or size.
+        """
+        self._check(image)
+        begin = time.perf_counter()
+        source = self._turned_from(rotation)
+        self._core.track(cv2.cvtColor(image, cv2.COLOR_BGR2LAB), source)
+        net_ms = 1e3 * (time.perf_counter() - begin)
+        begin = time.perf_counter()
+        fine = self._core.refine(np.ascontiguousarray(image))
+        snapshot = self._snapshot(fine, net_ms, begin)
+        self._seq += 1
+        return snapshot
+
+    def faults(self) -> list[int]:
+        """Edges that break the net's planarity; empty unless there is a bug."""
+        return self._core.bad_edges()
+
+    def faces(self) -> dict[str, np.ndarray]:
+        """The polygons behind the regions: vertices, edges (a, b, left, right), means, label image."""
+        return self._core.faces()
+
+    def _check(self, image: np.ndarray) -> None:
+        if image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8:
+            raise InputError(f"the net takes (H, W, 3) uint8 images, not {image.shape} {image.dtype}")
+        if min(image.shape[:2]) < SMALLEST_IMAGE_PX:
+            raise InputError(
+                f"image of {image.shape[1]}x{image.shape[0]} px is too small for the net: "
+                f"give at least {SMALLEST_IMAGE_PX} px a side"
+            )
+        if self._shape is not None and image.shape != self._shape:
+            raise InputError(
+                f"image of {image.shape[1]}x{image.shape[0]} px follows one of "
+                f"{self._shape[1]}x{self._shape[0]}: a net keeps one size, start another net"
+            )
+        self._shape = image.shape
+
+    def _turned_from(self, rotation: np.ndarray | None) -> np.ndarray:
+        """For every pixel the pixel of the last image that the rotation brought there, -1 for none."""
+        none = np.zeros(0, np.int32)
+        if rotation is None or self._lens is None or self._seq == 0:
+            return none
+        lens = self._lens
+        corners = np.array([[0, 0], [lens.width - 1, 0], [0, lens.height - 1], [lens.width - 1, lens.height - 1]])
+        if np.abs(_turn(lens, corners, rotation) - corners).max() < STEADY_PX:
+            return none
+        y, x = np.mgrid[0 : lens.height, 0 : lens.width]
+        pixels = np.column_stack([x.ravel(), y.ravel()]).astype(float)
+        turned = np.rint(_turn(lens, pixels, rotation))
+        inside = (turned >= 0).all(1) & (turned[:, 0] < lens.width) & (turned[:, 1] < lens.height)
+        turned = np.where(inside[:, None], turned, 0).astype(np.int64)
+        return np.where(inside, turned[:, 1] * lens.width + turned[:, 0], -1).astype(np.int32)
+
+    def _snapshot(self, fine: dict[str, np.ndarray], net_ms: float, begin: float) -> Snapshot:
+        ids = fine["region_ids"]
+        events = self._events(ids, fine["region_parents"])
+        loops = _loops_of_regions(fine, len(ids))
+        regions = tuple(
+            Region(
+                id=int(ids[k]),
+                parent=int(fine["region_parents"][k]) if fine["region_parents"][k] >= 0 else None,
+                born_seq=self._born[int(ids[k])],
+                area_px=float(fine["area_px"][k]),
+                sigma_area_px=float(fine["sigma_area_px"][k]),
+                touches_border=bool(fine["touches_border"][k]),
+                mean_rgb=tuple(float(c) for c in fine["mean_rgb"][k]),
+                loops=tuple(fine["vertices_px"][v] for v, _ in loops[k]),
+                loop_vertices=tuple(fine["vertex_ids"][v] for v, _ in loops[k]),
+                loop_neighbours=tuple(np.where(n >= 0, ids[n], OUTSIDE) for _, n in loops[k]),
+            )
+            for k in range(len(ids))
+        )
+        return Snapshot(
+            seq=self._seq,
+            regions=regions,
+            vertices=Vertices(fine["vertex_ids"], fine["vertices_px"], fine["vertex_sigma_px"]),
+            contour=Contour(
+                xy_px=fine["outline_px"],
+                normal=fine["outline_normal"],
+                left=ids[fine["outline_left"]],
+                right=ids[fine["outline_right"]],
+                length_px=fine["outline_length_px"],
+                sigma_px=fine["outline_sigma_px"],
+            ),
+            events=events,
+            cycles=self._core.cycles,
+            net_ms=net_ms,
+            refine_ms=1e3 * (time.perf_counter() - begin),
+        )
+
+    def _events(self, ids: np.ndarray, parents: np.ndarray) -> tuple[Event, ...]:
+        present = {int(i) for i in ids}
+        events = []
+        for i, parent in zip(ids.tolist(), parents.tolist(), strict=True):
+            if i in self._born:
+                continue
+            self._born[i] = self._seq
+            if self._seq > 0:
+                events.append(Event("split", i, parent) if parent >= 0 else Event("birth", i, None))
+        for gone in sorted(set(self._born) - present):
+            del self._born[gone]
+            events.append(Event("end", gone, None))
+        return tuple(events)
+
+
+def _core_config(config: NetConfig) -> _core.Config:
+    out = _core.Config()
+    for name, value in asdict(config).items():
+        setattr(out, name, value)
+    return out
+
+
+def _turn(lens: Lens, pixels: np.ndarray, rotation: np.ndarray) -> np.ndarray:
+    """Where the last image showed what the turned camera sees at `pixels` (N, 2); far things only."""
+    rays = lens.to_rays(pixels)
+    space = np.column_stack([rays, np.ones(len(rays))]) @ np.asarray(rotation).T
+    behind = space[:, 2] < 1e-3
+    space[behind] = (1e6, 1e6, 1.0)
+    return lens.to_pixels(space[:, :2] / space[:, 2:])
+
+
+def _loops_of_regions(fine: dict[str, np.ndarray], count: int) -> list[list[tuple[np.ndarray, np.ndarray]]]:
+    """For each region its loops as (vertex indices, neighbour indices), the largest outer loop first."""
+    starts = fine["loop_starts"]
+    out: list[list[tuple[np.ndarray, np.ndarray]]] = [[] for _ in range(count)]
+    for k in np.argsort(-fine["loop_areas"], kind="stable"):
+        part = slice(starts[k], starts[k + 1])
+        out[fine["loop_regions"][k]].append((fine["loop_vertices"][part], fine["loop_neighbours"][part]))
+    return out
