@@ -424,6 +424,7 @@ class Decoder:
     def __init__(self, *, to_host: bool) -> None:
         self.counters = Counters()
         self._to_host = to_host
+        self._opening = Hello.ID if to_host else HelloRequest.ID
         self._coded_max = 1 + (RAW_MAX_TO_HOST if to_host else RAW_MAX_TO_ROBOT)
         self._partial = b""
         self._newest: int | None = None
@@ -473,7 +474,7 @@ class Decoder:
 
     def _in_turn(self, message_id: int, seq: int) -> bool:
         """Follow the sequence numbers; False for what is repeated or was overtaken."""
-        if self._newest is None or message_id in (HelloRequest.ID, Hello.ID):
+        if self._newest is None or message_id == self._opening:
             self._newest = seq  # a session starts here: nothing before it can be missing
             return True
         behind = (self._newest - seq) & 0xFF

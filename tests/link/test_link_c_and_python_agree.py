@@ -1,0 +1,71 @@
+"""The firmware's link.c and messages.h against protocol.py: the same bytes, the same verdict on any bytes."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from link_in_c import LinkInC, counted
+from messages_any import SEQS, lines, messages
+
+from host.link.protocol import LAYOUTS, Decoder, Message, Received, build, crc32c, encode
+
+to_robot = [layout for layout in LAYOUTS.values() if not layout.to_host]
+
+
+@given(st.binary(max_size=255))
+def test_both_compute_the_same_checksum(c_link: LinkInC, data: bytes):
+    assert c_link.crc32c(data) == crc32c(data)
+
+
+@given(messages(to_host=True) | messages(to_host=False), SEQS)
+@settings(max_examples=200)
+def test_both_make_the_same_frame_of_any_message(c_link: LinkInC, message: Message, seq: int):
+    c_link.fresh()
+    assert c_link.encode(message, seq) == encode(message, seq)
+
+
+@given(messages(to_host=False), SEQS)
+@settings(max_examples=200)
+def test_c_reads_what_python_wrote(c_link: LinkInC, message: Message, seq: int):
+    c_link.fresh()
+    assert c_link.receive(encode(message, seq)) == [Received(seq, message)]
+
+
+@given(messages(to_host=True), SEQS)
+@settings(max_examples=200)
+def test_python_reads_what_c_wrote(c_link: LinkInC, message: Message, seq: int):
+    c_link.fresh()
+    assert Decoder(to_host=True).feed(c_link.encode(message, seq)) == [Received(seq, message)]
+
+
+@given(st.lists(lines(to_host=False), max_size=4))
+@settings(max_examples=200)
+def test_both_hear_the_same_messages_and_count_the_same_losses_on_any_line(
+    c_link: LinkInC, heard: list[bytes]
+):
+    c_link.fresh()
+    decoder = Decoder(to_host=False)
+    for line in heard:
+        assert c_link.receive(line) == decoder.feed(line)
+    in_c = asdict(c_link.counters())
+    assert {name: in_c[name] for name in counted(decoder)} == counted(decoder)
+
+
+@pytest.mark.parametrize("layout", to_robot, ids=lambda layout: layout.type.__name__)
+def test_no_one_two_or_three_flipped_bits_make_a_command(c_link: LinkInC, layout):
+    frame = encode(build(layout, (0,) * len(layout.fields)), 0)  # zeros are where COBS multiplies flips
+    tried, accepted = c_link.flip_bits(frame)
+    bits = 8 * len(frame)
+    assert tried == bits + bits * (bits - 1) // 2 + bits * (bits - 1) * (bits - 2) // 6
+    assert accepted == 0
+
+
+@pytest.mark.parametrize("layout", to_robot, ids=lambda layout: layout.type.__name__)
+def test_no_random_corruption_makes_a_command(c_link: LinkInC, layout):
+    frame = encode(build(layout, (0,) * len(layout.fields)), 0)
+    wrong, nothing = c_link.corrupt(frame, 500_000, seed=layout.id)
+    assert wrong == 0
+    assert nothing > 400_000  # and nearly all of them truly were corruptions
