@@ -22,6 +22,7 @@ import numpy as np
 from host.camera.lens import Lens
 from host.depth.config import DepthConfig
 from host.depth.motion import Station, most_redundant, travel_sigma_cm
+from host.depth.polygon import polygon_moments
 from host.depth.report import Declined, Estimate
 from host.rbdn.snapshot import Region, Snapshot
 
@@ -46,31 +47,6 @@ class _History:
     sights: list[_Sight] = field(default_factory=list)
     last_seq: int = 0
     off_line: int = 0  # frames in a row that did not fit
-
-
-def polygon_moments(loops: list[np.ndarray]) -> tuple[float, np.ndarray, np.ndarray]:
-    """Area, centroid (2,) and central second moments (3,) = xx, yy, xy of loops with holes.
-
-    The first loop is the outer one; the rest are taken away from it whatever way they turn.
-    """
-    area, first, second = 0.0, np.zeros(2), np.zeros(3)
-    for k, loop in enumerate(loops):
-        x, y = loop[:, 0], loop[:, 1]
-        x1, y1 = np.roll(x, -1), np.roll(y, -1)
-        cross = x * y1 - x1 * y
-        a = 0.5 * cross.sum()
-        sign = (1.0 if k == 0 else -1.0) * (1.0 if a >= 0 else -1.0)
-        area += sign * a
-        first += sign * np.array([((x + x1) * cross).sum(), ((y + y1) * cross).sum()]) / 6
-        xx = ((x * x + x * x1 + x1 * x1) * cross).sum() / 12
-        yy = ((y * y + y * y1 + y1 * y1) * cross).sum() / 12
-        xy = ((x * y1 + 2 * x * y + 2 * x1 * y1 + x1 * y) * cross).sum() / 24
-        second += sign * np.array([xx, yy, xy])
-    if area <= 0:
-        return 0.0, np.zeros(2), np.zeros(3)
-    centre = first / area
-    spread = second / area - np.array([centre[0] ** 2, centre[1] ** 2, centre[0] * centre[1]])
-    return area, centre, spread
 
 
 class AreaMethod:
@@ -104,7 +80,7 @@ class AreaMethod:
             self._histories[region.id] = history = _History(station.pose.rotation, last_seq=station.seq)
             turned = rays
         area, centre, spread = polygon_moments(turned)
-        polygon_px = polygon_moments(list(region.loops))[0]
+        polygon_px = polygon_moments(region.loops)[0]
         if area <= 0 or polygon_px <= 0 or region.area_px <= 0:
             return Declined("no area")
         # the polygon only says how the lens and the rotation scale the measured soft area

@@ -28,5 +28,15 @@ class DepthConfig:
     vertex_default_sigma_px: float = 0.5  # of a vertex that does not know its own
     vertex_model_share: float = 0.02  # model error of a region's mean against its corners
 
+    # outline
+    keyframes: int = 6  # earlier frames the present outline is compared with
+    outline_points: int = 60  # samples used of each boundary between two regions
+    outline_border_px: float = 3.0  # samples nearer to the image border are not used
+    outline_noise_px: float = 0.12  # an outline is never taken to be better than this
+    outline_correlation: float = 8.0  # neighbouring samples err alike: variance is so much larger
+    outline_model_share: float = 0.003  # model error even on a flat frontal thing
+    nearest_cm: float = 12.0  # depths looked for, from
+    farthest_cm: float = 2500.0  # and to
+
     # how quickly old answers are forgotten, per cm driven
     memory_share_per_cm: float = 0.002

@@ -9,6 +9,7 @@ from host.depth.area import AreaMethod
 from host.depth.config import DepthConfig
 from host.depth.fuse import Memory, as_region_depth, combine
 from host.depth.motion import Station, first_station, next_station
+from host.depth.outline import OutlineDepth, OutlineMethod
 from host.depth.report import Declined, DepthReport, Estimate
 from host.depth.vertex import VertexMethod
 from host.pose import Pose
@@ -29,6 +30,7 @@ class Estimator:
         self._config = config or DepthConfig()
         self._area = AreaMethod(lens, self._config)
         self._vertex = VertexMethod(lens, self._config)
+        self._outline = OutlineMethod(lens, self._config)
         self._memory = Memory(self._config)
         self._station: Station | None = None
 
@@ -54,9 +56,15 @@ class Estimator:
         self._memory.forget_unseen(snapshot.seq)
         areas = self._area.update(snapshot, station)
         vertices = self._vertex.update(snapshot, station)
+        outlines = self._outline.update(snapshot, station)
         regions = {}
         for region in snapshot.regions:
-            answers = {"area": areas[region.id], "vertex": self._vertex.region(region, vertices)}
+            outline = outlines[region.id]
+            answers = {
+                "area": areas[region.id],
+                "vertex": self._vertex.region(region, vertices),
+                "outline": outline.surface if isinstance(outline, OutlineDepth) else outline,
+            }
             estimates = {m: a for m, a in answers.items() if isinstance(a, Estimate)}
             declined = {m: a.reason for m, a in answers.items() if isinstance(a, Declined)}
             fused = self._memory.update(region.id, combine(estimates), self._middle(region), station)
