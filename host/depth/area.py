@@ -57,8 +57,15 @@ class AreaMethod:
         self._config = config
         self._histories: dict[int, _History] = {}
 
-    def update(self, snapshot: Snapshot, station: Station) -> dict[int, Estimate | Declined]:
-        """Depths of the regions of `snapshot`, seen from `station`, by region id."""
+    def update(
+        self, snapshot: Snapshot, station: Station, own_share: dict[int, float]
+    ) -> dict[int, Estimate | Declined]:
+        """Depths of the regions of `snapshot`, seen from `station`, by region id.
+
+        Parameters
+        ----------
+        own_share : by region id, the share of its outline that is not the outline of something nearer
+        """
         for event in snapshot.events:
             # what split or swallowed another is not the thing whose area was followed
             if event.kind in ("split", "merge"):
@@ -66,12 +73,15 @@ class AreaMethod:
                     self._histories.pop(broken if broken is not None else -1, None)
         for old in [k for k, h in self._histories.items() if snapshot.seq - h.last_seq > FORGET_FRAMES]:
             del self._histories[old]
-        return {region.id: self._region(region, station) for region in snapshot.regions}
+        return {r.id: self._region(r, station, own_share.get(r.id, 1.0)) for r in snapshot.regions}
 
-    def _region(self, region: Region, station: Station) -> Estimate | Declined:
+    def _region(self, region: Region, station: Station, own_share: float) -> Estimate | Declined:
         if region.touches_border:
             self._histories.pop(region.id, None)
             return Declined("cut by the image border")
+        if own_share < self._config.area_own_share:
+            self._histories.pop(region.id, None)
+            return Declined("partly hidden by a nearer region")
         rays = [self._lens.to_rays(loop) for loop in region.loops]
         history = self._histories.setdefault(region.id, _History(station.pose.rotation))
         history.last_seq = station.seq
@@ -83,9 +93,11 @@ class AreaMethod:
         polygon_px = polygon_moments(region.loops)[0]
         if area <= 0 or polygon_px <= 0 or region.area_px <= 0:
             return Declined("no area")
+        outline_px = sum(np.hypot(*np.diff(loop, axis=0, append=loop[:1]).T).sum() for loop in region.loops)
+        sigma_px2 = np.hypot(region.sigma_area_px, outline_px * self._config.area_outline_px)
         # the polygon only says how the lens and the rotation scale the measured soft area
         area *= region.area_px / polygon_px
-        sight = _Sight(station, area**-0.5, 0.5 * region.sigma_area_px / region.area_px, spread / area)
+        sight = _Sight(station, area**-0.5, 0.5 * sigma_px2 / region.area_px, spread / area)
         return self._answer(history, sight, centre)
 
     @staticmethod
@@ -132,10 +144,11 @@ class AreaMethod:
         robust = np.ones(len(y))
         for _ in range(5 if len(y) >= 4 else 1):
             w = weight * robust
-            mean_d, mean_y = np.average(driven, weights=w), np.average(y, weights=w)
-            sdd = (w * (driven - mean_d) ** 2).sum()
-            slope = (w * (driven - mean_d) * (y - mean_y)).sum() / sdd
-            off = (y - mean_y - slope * (driven - mean_d)) / sigma
+            mean_d, mean_y = w @ driven / w.sum(), w @ y / w.sum()
+            along = driven - mean_d
+            sdd = w @ along**2
+            slope = (w * along) @ (y - mean_y) / sdd
+            off = (y - mean_y - slope * along) / sigma
             scale = max(1.0, 1.4826 * float(np.median(np.abs(off))))
             robust = np.clip(1 - (off / (4.7 * scale)) ** 2, 0.02, 1) ** 2
         residual = float(abs(off[-1]) / scale) if len(y) >= 4 else 0.0

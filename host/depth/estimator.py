@@ -54,15 +54,16 @@ class Estimator:
                 if event.parent is not None:
                     self._memory.forget(event.parent)
         self._memory.forget_unseen(snapshot.seq)
-        areas = self._area.update(snapshot, station)
-        vertices = self._vertex.update(snapshot, station)
         outlines = self._outline.update(snapshot, station)
+        own = self._outline.own_share
+        areas = self._area.update(snapshot, station, own)
+        vertices = self._vertex.update(snapshot, station)
         regions = {}
         for region in snapshot.regions:
             outline = outlines[region.id]
             answers = {
                 "area": areas[region.id],
-                "vertex": self._vertex.region(region, vertices),
+                "vertex": self._vertex.region(region, vertices, own.get(region.id, 1.0)),
                 "outline": outline.surface if isinstance(outline, OutlineDepth) else outline,
             }
             estimates = {m: a for m, a in answers.items() if isinstance(a, Estimate)}

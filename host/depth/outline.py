@@ -26,7 +26,7 @@ from host.depth.motion import Station, rotation_sigma_rad, travel_sigma_cm
 from host.depth.ownership import edge_owners
 from host.depth.polygon import polygon_moments
 from host.depth.report import Declined, Estimate
-from host.depth.surface import FLAT, relief_of
+from host.depth.surface import FLAT, may_be_one_face, relief_of
 from host.rbdn.snapshot import Region, Snapshot
 
 TRIALS = 40  # inverse depths looked at, log-spaced
@@ -40,6 +40,7 @@ ALONG_PX = 3.0  # a match may lie so far along the outline
 MIN_OWN_PX = 20.0  # of outline that is the region's own
 MIN_OWN_SHARE = 0.25  # of its outline within the image
 MIN_SHIFT_PX = 0.3  # by which the outline must have moved over the image
+WHOLE_SHARE = 0.9  # of its outline that must be its own for the shape to say something
 PLANE_CHI2 = 12.0  # a slope is believed when so far from zero in units of its variance
 PLANE_TILT = 0.9  # prior: relative change of depth over half a width, in widths over depth
 
@@ -62,9 +63,9 @@ class _Sides:
     side: np.ndarray  # (N,) 0 left, 1 right
     length_px: np.ndarray  # (N,) outline the row stands for
     offset: np.ndarray  # (N, 2) px from the region's middle
-    base: np.ndarray  # (3, N, K) components of R_k p
-    normal: np.ndarray  # (2, N, K) the normal, turned with the camera
-    direction: np.ndarray  # (N, K) as the keyframes file it
+    base: np.ndarray  # (3, K, N) components of R_k p
+    normal: np.ndarray  # (2, K, N) the normal, turned with the camera
+    direction: np.ndarray  # (K, N) as the keyframes file it
 
 
 @dataclass(frozen=True)
@@ -72,9 +73,9 @@ class _Look:
     """The present outline against the earlier ones, at one depth of every row."""
 
     rho: np.ndarray  # (N,) where it was taken
-    residual: np.ndarray  # (N, K) px along the normal
-    gain: np.ndarray  # (N, K) px per unit of rho
-    good: np.ndarray  # (N, K) whether there is a match
+    residual: np.ndarray  # (K, N) px along the normal
+    gain: np.ndarray  # (K, N) px per unit of rho
+    good: np.ndarray  # (K, N) whether there is a match
 
 
 @dataclass(frozen=True)
@@ -83,8 +84,8 @@ class _Fit:
     slope: np.ndarray  # (R, 2) per px
     covariance: np.ndarray  # (R, 3, 3) of rho and slope, for independent residuals of one px
     scale_px: np.ndarray  # (R,) residual
-    weight: np.ndarray  # (N, K) robust weights
-    gain: np.ndarray  # (N, K) px per unit of rho
+    weight: np.ndarray  # (K, N) robust weights
+    gain: np.ndarray  # (K, N) px per unit of rho
     cost: np.ndarray  # (N,) mean truncated cost, 0..1
 
 
@@ -97,6 +98,7 @@ class OutlineMethod:
         self._focal = np.array([lens.fx, lens.fy])
         self._centre = np.array([lens.cx, lens.cy])
         self._keyframes = Keyframes(lens, config)
+        self.own_share: dict[int, float] = {}  # by region, of the outline not owned by something nearer
 
     def update(self, snapshot: Snapshot, station: Station) -> dict[int, OutlineDepth | Declined]:
         """Depths of the regions of `snapshot`, seen from `station`, by region id."""
@@ -112,6 +114,7 @@ class OutlineMethod:
     def _answers(
         self, regions: tuple[Region, ...], outline: Outline, station: Station
     ) -> dict[int, OutlineDepth | Declined]:
+        self.own_share = {}
         motions = [station.pose.relative_to(s.pose) for s in self._keyframes.stations]
         self._shift = np.array([t for _, t in motions]).reshape(-1, 3)
         if not (np.linalg.norm(self._shift, axis=1) >= self._config.min_step_cm).any():
@@ -150,6 +153,11 @@ class OutlineMethod:
             GATES_PX[-1],
             tilt,
         )
+        length = np.bincount(sides.region, sides.length_px, n)
+        shares = np.bincount(sides.region, own * sides.length_px, n) / np.maximum(length, 1e-9)
+        self.own_share = {
+            r.id: float(s) for r, s, known in zip(regions, shares, length > 0, strict=True) if known
+        }
         return {
             region.id: self._answer(i, region, float(width_px[i]), station, sides, own, fit, tilted)
             for i, region in enumerate(regions)
@@ -179,8 +187,8 @@ class OutlineMethod:
         rays = np.column_stack([(xy - self._centre) / self._focal, np.ones(len(xy))])
         along = np.column_stack([-normal[:, 1], normal[:, 0]]) / self._focal
         turn = np.array(turns)
-        base = np.einsum("kij,nj->ink", turn, rays)
-        swing = np.einsum("kij,nj->ink", turn[:, :, :2], along)
+        base = np.einsum("kij,nj->ikn", turn, rays)
+        swing = np.einsum("kij,nj->ikn", turn[:, :, :2], along)
         tangent = (swing[:2] - base[:2] / base[2] * swing[2]) * self._focal[:, None, None]
         tangent /= np.maximum(np.hypot(tangent[0], tangent[1]), 1e-12)
         turned = np.stack([tangent[1], -tangent[0]])
@@ -192,9 +200,9 @@ class OutlineMethod:
             np.repeat([0, 1], len(point)),
             length[both],
             xy[both] - middle[region],
-            base[:, both],
-            turned[:, both],
-            direction_of(turned[0], turned[1])[both],
+            np.tile(base, 2),
+            np.tile(turned, 2),
+            np.tile(direction_of(turned[0], turned[1]), 2),
         )
         return sides, pairs
 
@@ -202,7 +210,7 @@ class OutlineMethod:
         self, base: np.ndarray, normal: np.ndarray, direction: np.ndarray, which: np.ndarray, rho: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Residual along the normal (px), its derivative by rho, and whether there is a match."""
-        tx, ty, tz = self._shift.T[:, which]
+        tx, ty, tz = self._shift[which].transpose(2, 0, 1)
         depth = base[2] + rho * tz
         before = depth > 0.05
         inverse = 1 / np.where(before, depth, 1.0)
@@ -233,23 +241,23 @@ class OutlineMethod:
         pick = np.nonzero(_rank_within(sides.region, count) % stride[sides.region] == 0)[0]
         order = np.argsort(np.linalg.norm(self._shift, axis=1))
         frames = np.unique([order[-1], order[len(order) // 2]])
-        at = np.ix_(pick, frames)
+        at = np.ix_(frames, pick)
         residual, _, good = self._project(
-            sides.base[:, pick][:, None, :, frames],
-            sides.normal[:, pick][:, None, :, frames],
+            sides.base[(slice(None), *at)][:, None],
+            sides.normal[(slice(None), *at)][:, None],
             sides.direction[at],
-            frames,
+            frames[:, None],
             trials[:, None, None],
         )
-        cost = np.where(good, np.minimum((residual / TRIAL_GATE_PX) ** 2, 1.0), 1.0).sum(axis=2)
+        cost = np.where(good, np.minimum((residual / TRIAL_GATE_PX) ** 2, 1.0), 1.0).sum(axis=1)
         table = np.stack([np.bincount(sides.region[pick], row, n) for row in cost])
         return trials[np.argmin(table, axis=0)]
 
     def _look(self, sides: _Sides, rho: np.ndarray, slope: np.ndarray) -> _Look:
         local = rho[sides.region] + slope[sides.region, 0] * sides.offset[:, 0]
         local += slope[sides.region, 1] * sides.offset[:, 1]
-        which = np.arange(sides.direction.shape[1])
-        return _Look(local, *self._project(sides.base, sides.normal, sides.direction, which, local[:, None]))
+        which = np.arange(len(sides.direction))[:, None]
+        return _Look(local, *self._project(sides.base, sides.normal, sides.direction, which, local))
 
     def _fit(
         self,
@@ -271,22 +279,23 @@ class OutlineMethod:
         tilt : (R,) standard error of a slope before looking, per px; None for depths without slope
         """
         region, n, gain = sides.region, len(rho), look.gain
+        offset_x, offset_y = sides.offset.T
         valid = (look.good & (np.abs(look.residual) < gate)).astype(float)
         scale = np.full(n, 1.0)
         residual, weight = look.residual, valid
         covariance = np.zeros((n, 3, 3))
         for _ in range(REFITS):
-            total = 1 + weight.sum(1)
-            common = (weight * residual).sum(1) / total
+            total = 1 + weight.sum(0)
+            common = (weight * residual).sum(0) / total
             reach = np.minimum(gate, TUKEY * scale)[region]
-            weight = valid * np.clip(1 - ((residual - common[:, None]) / reach[:, None]) ** 2, 0, 1) ** 2
-            total = 1 + weight.sum(1)
+            weight = valid * np.square(np.maximum(1 - ((residual - common) / reach) ** 2, 0))
+            total = 1 + weight.sum(0)
             weighted = weight * gain
-            mean_gain, common = weighted.sum(1) / total, (weight * residual).sum(1) / total
-            trust = own * np.clip(1 - (common / gate) ** 2, 0, 1)
-            information = trust * ((weighted * gain).sum(1) - total * mean_gain**2)
-            gradient = trust * ((weighted * residual).sum(1) - total * mean_gain * common)
-            spread = (weight * (residual - common[:, None]) ** 2).sum(1)
+            mean_gain, common = weighted.sum(0) / total, (weight * residual).sum(0) / total
+            trust = own * np.maximum(1 - (common / gate) ** 2, 0)
+            information = trust * ((weighted * gain).sum(0) - total * mean_gain**2)
+            gradient = trust * ((weighted * residual).sum(0) - total * mean_gain * common)
+            spread = (weight * (residual - common) ** 2).sum(0)
             freedom = np.bincount(region, trust * (total - 1) * (1 - 1 / total), n)
             # Tukey's weights hide part of the spread
             scale = 1.25 * np.sqrt(np.bincount(region, trust * spread, n) / np.maximum(freedom, 1e-9))
@@ -294,11 +303,11 @@ class OutlineMethod:
             step, covariance = _step(region, information, gradient, sides.offset, slope, scale, tilt, n)
             step[:, 0] = np.clip(step[:, 0], -0.3 * rho, 0.5 * rho)
             rho, slope = np.clip(rho + step[:, 0], 1e-6, 1.0), slope + step[:, 1:]
-            moved = rho[region] + (slope[region] * sides.offset).sum(1) - look.rho
-            residual = look.residual + gain * moved[:, None]
-        final = np.minimum(((residual - common[:, None]) / gate) ** 2, 1.0)
-        cost = np.where(look.good, final, 1.0).mean(axis=1)
-        return _Fit(rho, slope, covariance, scale, weight * trust[:, None], gain, cost)
+            moved = rho[region] + slope[region, 0] * offset_x + slope[region, 1] * offset_y - look.rho
+            residual = look.residual + gain * moved
+        final = np.minimum(((residual - common) / gate) ** 2, 1.0)
+        cost = np.where(look.good, final, 1.0).mean(axis=0)
+        return _Fit(rho, slope, covariance, scale, weight * trust, gain, cost)
 
     def _answer(
         self,
@@ -318,7 +327,7 @@ class OutlineMethod:
         mine, length = own[rows], sides.length_px[rows]
         if not mine.any():
             return Declined("its outline belongs to nearer regions")
-        found_px = float((mine * length * (fit.weight[rows].max(axis=1) > 0.1)).sum())
+        found_px = float((mine * length * (fit.weight[:, rows].max(axis=0) > 0.1)).sum())
         if found_px < max(MIN_OWN_PX, MIN_OWN_SHARE * length.sum()):
             return Declined("too little of its outline was found again")
         # the common unknown of each sample is part of what one px of residual is worth
@@ -327,16 +336,17 @@ class OutlineMethod:
         spacing = max(1.0, float(np.average(length, weights=np.maximum(mine, 1e-9))))
         correlation = max(1.0, c.outline_correlation / spacing)
         slope_variance = tilted.covariance[i, 1:, 1:] * tilted.scale_px[i] ** 2 * correlation
-        slanted = bool(slope @ np.linalg.solve(slope_variance, slope) > PLANE_CHI2) if slope.any() else False
+        cut = region.touches_border or float(np.average(mine, weights=length)) < WHOLE_SHARE
+        slanted = slope.any() and bool(slope @ np.linalg.solve(slope_variance, slope) > PLANE_CHI2)
+        slanted = slanted and (cut or may_be_one_face(region.loops[0]))
         if slanted:
             used = tilted
-        rho, weight, gain = float(used.rho[i]), used.weight[rows], used.gain[rows]
+        rho, weight, gain = float(used.rho[i]), used.weight[:, rows], used.gain[:, rows]
         shift_px = rho * float(np.sqrt((weight * gain**2).sum() / max(weight.sum(), 1e-9)))
         if shift_px < MIN_SHIFT_PX:
             return Declined("too little motion for its distance")
         noise = used.scale_px[i] ** 2 * correlation * used.covariance[i, 0, 0] / rho**2
         width = width_px / float(self._focal.mean())  # w / Z
-        cut = region.touches_border or float(np.average(mine, weights=length)) < 0.9
         relief = FLAT if slanted else relief_of(region.loops[0], cut)
         bow = 0.0
         if slanted:
@@ -345,7 +355,7 @@ class OutlineMethod:
         silhouette = (1 + bow) / rho
         surface = silhouette * (1 - relief.k * width)
         variance = noise + (relief.sigma_k * width) ** 2 + c.outline_model_share**2
-        variance += self._odometry(station, weight, gain, rho, sides.normal[:, rows])
+        variance += self._odometry(station, weight, gain, rho, sides.normal[:, :, rows])
         relative = float(np.sqrt(variance))
         if relative > c.max_relative_sigma:
             return Declined(f"too uncertain ({100 * relative:.0f} %)")
@@ -357,7 +367,7 @@ class OutlineMethod:
     ) -> float:
         """Relative variance of the depth from errors of travel and rotation."""
         stations = self._keyframes.stations
-        evidence = (weight * gain**2).sum(axis=0)
+        evidence = (weight * gain**2).sum(axis=1)
         if evidence.sum() <= 0:
             return 0.0
         share = evidence / evidence.sum()
@@ -365,13 +375,13 @@ class OutlineMethod:
         reach = np.maximum(np.linalg.norm(self._shift, axis=1), 1e-9)
         # a turn shifts the whole frame; an outline all round a thing feels little of it
         turn_px = np.array([rotation_sigma_rad(station, s) for s in stations]) * self._focal.mean()
-        pull = np.hypot(*(weight * gain * normal).sum(axis=1)) / np.maximum(evidence, 1e-12) / rho
+        pull = np.hypot(*(weight * gain * normal).sum(axis=2)) / np.maximum(evidence, 1e-12) / rho
         return float((share * ((travel / reach) ** 2 + (pull * turn_px) ** 2)).sum())
 
 
 def _outline_length(region: Region) -> float:
     """Length of all loops in px, the image border included."""
-    return float(sum(np.hypot(*(np.roll(p, -1, 0) - p).T).sum() for p in region.loops))
+    return float(sum(np.hypot(*np.diff(np.vstack([p, p[:1]]), axis=0).T).sum() for p in region.loops))
 
 
 def _mean(index: np.ndarray, values: np.ndarray, n: int) -> np.ndarray:

@@ -15,7 +15,7 @@ def polygon_moments(loops: Sequence[np.ndarray]) -> tuple[float, np.ndarray, np.
     area, first, second = 0.0, np.zeros(2), np.zeros(3)
     for k, loop in enumerate(loops):
         x, y = loop[:, 0], loop[:, 1]
-        x1, y1 = np.roll(x, -1), np.roll(y, -1)
+        x1, y1 = np.append(x[1:], x[0]), np.append(y[1:], y[0])
         cross = x * y1 - x1 * y
         a = 0.5 * cross.sum()
         sign = (1.0 if k == 0 else -1.0) * (1.0 if a >= 0 else -1.0)

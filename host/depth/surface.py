@@ -39,6 +39,26 @@ HOLLOW = Relief(0.0, 0.2)
 UNKNOWN = Relief(0.15, 0.2)
 FLAT = Relief(0.0, 0.03)
 MIN_SOLIDITY = 0.87
+MIN_BEND_PX = 1.5  # a side may leave its chord by this
+BEND_SHARE = 0.015  # or by so much of the outline's length
+FACE_AREA_SHARE = 0.04  # by which the straight sides may miss the area
+
+
+def may_be_one_face(loop_px: np.ndarray) -> bool:
+    """Whether an outline has three or four straight sides, as the face of a box or a board has.
+
+    Round things and boxes seen over a corner have outlines that slant too, but not as one plane.
+
+    Parameters
+    ----------
+    loop_px : (N, 2) the outer loop
+    """
+    points = loop_px.astype(np.float32).reshape(-1, 1, 2)
+    corners = cv2.approxPolyDP(points, max(MIN_BEND_PX, BEND_SHARE * cv2.arcLength(points, True)), True)
+    if not 3 <= len(corners) <= 4 or not cv2.isContourConvex(corners):
+        return False
+    area = abs(float(cv2.contourArea(points)))
+    return abs(abs(float(cv2.contourArea(corners))) - area) < FACE_AREA_SHARE * area
 
 
 def relief_of(loop_px: np.ndarray, cut: bool) -> Relief:

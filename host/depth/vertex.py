@@ -23,6 +23,7 @@ from host.depth.report import Declined, Estimate, VertexDepths
 from host.rbdn.snapshot import Region, Snapshot
 
 ITERATIONS = 4
+MIN_OWN_SHARE = 0.5  # below, most corners are not the region's
 MIN_CORNERS = 3  # a region's depth from fewer vertices is chance
 
 
@@ -124,14 +125,17 @@ class VertexMethod:
         usable = (w > 0).any(1) & (gradient.sum(1) > 0)
         return np.where(usable, state[:, 2], 0.0), np.where(usable, np.sqrt(variance), np.inf)
 
-    def region(self, region: Region, vertices: VertexDepths) -> Estimate | Declined:
+    def region(self, region: Region, vertices: VertexDepths, own_share: float) -> Estimate | Declined:
         """Depth of a region from its own corners.
 
         Parameters
         ----------
         region : the region, of the snapshot `vertices` was made from
         vertices : what `update` said of it
+        own_share : share of its outline that is not the outline of something nearer
         """
+        if own_share < MIN_OWN_SHARE:
+            return Declined("its corners belong to nearer regions")
         if region.touches_border:
             return Declined("cut by the image border")
         if not region.loop_vertices:
@@ -143,14 +147,14 @@ class VertexMethod:
             return Declined("fewer than three corners with a depth")
         rho, sigma_rho = 1 / z[good], sigma[good] / z[good] ** 2
         centre = float(np.median(rho))
-        for _ in range(5):
+        for _ in range(3):
             scale = 1.4826 * float(np.median(np.abs(rho - centre)))
             gate = 4.7 * np.sqrt(sigma_rho**2 + scale**2) + 1e-12
             w = np.clip(1 - ((rho - centre) / gate) ** 2, 0, 1) ** 2 / (sigma_rho**2 + scale**2 / 4)
             if w.sum() <= 0:
                 return Declined("its corners disagree")
-            centre = float(np.average(rho, weights=w))
-        spread = float(np.average((rho - centre) ** 2, weights=w))
+            centre = float(w @ rho / w.sum())
+        spread = float(w @ (rho - centre) ** 2 / w.sum())
         variance = 1 / w.sum() + spread / len(rho)
         relative = float(np.sqrt(variance / centre**2 + self._config.vertex_model_share**2))
         if relative > self._config.max_relative_sigma:
