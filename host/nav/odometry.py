@@ -16,6 +16,7 @@ from host.pose import Pose
 
 HISTORY_S = 1.0  # poses can be asked for this far back
 REST_S = 0.25  # a wheel without an edge for this long, and four times its last period, stands
+START_EDGES = 8  # the start is over when a wheel has turned this far
 EVEN_START = 0.1  # wheel speeds that differ by less than this part are a straight start
 MOVING_SIGMA_COUNTS = 0.06  # interpolation error of a turning wheel, against the simulated body
 REST_SIGMA_COUNTS = 1 / math.sqrt(12)  # a standing wheel is anywhere within its cell
@@ -172,9 +173,10 @@ class Odometry:
         assert left is not None and right is not None
         if self._phase_known or min(left.edges, right.edges) < 3:
             return
-        self._phase_known = True
         fast = max(abs(left.velocity()), abs(right.velocity()))
-        if abs(left.velocity() - right.velocity()) > EVEN_START * fast:
+        even = abs(left.velocity() - right.velocity()) < EVEN_START * fast
+        self._phase_known = even or max(left.edges, right.edges) > START_EDGES
+        if not even:
             return
         t = self._newest_s
         difference = left.travel(t) - right.travel(t)

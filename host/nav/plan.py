@@ -11,19 +11,30 @@ import numpy as np
 
 from host.nav.map import ObstacleMap
 
-UNKNOWN_COST = 3.0  # a cell not seen yet costs this many free ones
+UNKNOWN_COST = 3.0  # where the robot would stand on floor not seen yet costs this many free cells
 CROWDED_COST = 3.0  # extra for a cell at the hard limit, falling to nothing at the comfortable distance
 HASTE = 1.3  # weight of the straight-line distance: fewer cells looked at, ways at most this much longer
 STEPS = [(dr, dc, math.hypot(dr, dc)) for dr in (-1, 0, 1) for dc in (-1, 0, 1) if dr or dc]
 
 
-def room_around(obstacle_map: ObstacleMap) -> np.ndarray:
-    """(N, N) float32: distance in cm from each cell's centre to the nearest filled cell's border."""
-    free = (~obstacle_map.occupied).astype(np.uint8)
-    if free.all():
-        return np.full(free.shape, 1e6, np.float32)
+@dataclass(frozen=True)
+class Room:
+    """How far each cell's centre is from the border of the nearest cell of a kind, (N, N) float32, cm."""
+
+    to_filled: np.ndarray
+    to_unseen: np.ndarray  # the nearest cell not known to be free, filled ones included
+
+
+def room_around(obstacle_map: ObstacleMap) -> Room:
+    """Distances over the whole map."""
     cell = obstacle_map.config.cell_cm
-    return cv2.distanceTransform(free, cv2.DIST_L2, 5) * cell - cell / 2
+    return Room(_distance(~obstacle_map.occupied, cell), _distance(obstacle_map.free, cell))
+
+
+def _distance(inside: np.ndarray, cell_cm: float) -> np.ndarray:
+    if inside.all():
+        return np.full(inside.shape, 1e6, np.float32)
+    return cv2.distanceTransform(inside.astype(np.uint8), cv2.DIST_L2, 5) * cell_cm - cell_cm / 2
 
 
 @dataclass(frozen=True)
@@ -36,16 +47,16 @@ class Way:
 
 def find_way(
     obstacle_map: ObstacleMap,
-    room_cm: np.ndarray,
+    room: Room,
     start_cm: tuple[float, float],
     goal_cm: tuple[float, float],
 ) -> Way:
     """The cheapest way to within the goal's tolerance, or to the reachable place nearest to the goal.
 
-    ``room_cm`` comes from room_around. The disc of the robot and half its clearance must fit everywhere,
+    The disc of the robot and half its clearance must fit everywhere,
     except right where it stands: it may always leave a place it has got into.
     """
-    shut, cost = _terrain(obstacle_map, room_cm, start_cm)
+    shut, cost = _terrain(obstacle_map, room, start_cm)
     start = obstacle_map.cell_of(*start_cm)
     _, parts = cv2.connectedComponents((~shut).astype(np.uint8), connectivity=8)
     rows, cols = np.nonzero(parts == parts[start])
@@ -59,19 +70,19 @@ def find_way(
     return Way(tuple(obstacle_map.point_of(*cell) for cell in cells), to_goal)
 
 
-def _terrain(obstacle_map: ObstacleMap, room_cm: np.ndarray, start_cm) -> tuple[np.ndarray, np.ndarray]:
+def _terrain(obstacle_map: ObstacleMap, room: Room, start_cm) -> tuple[np.ndarray, np.ndarray]:
     """(cells that are shut, cost of entering each cell), both (N, N)."""
     body, config = obstacle_map.body, obstacle_map.config
     hard, comfort = tightest(obstacle_map), config.comfort_cm
-    cost = 1.0 + CROWDED_COST * np.clip((hard + comfort - room_cm) / comfort, 0.0, 1.0) ** 2
-    cost[~obstacle_map.free] *= UNKNOWN_COST
-    shut = room_cm < hard
+    cost = 1.0 + CROWDED_COST * np.clip((hard + comfort - room.to_filled) / comfort, 0.0, 1.0) ** 2
+    cost[room.to_unseen < body.radius_cm] *= UNKNOWN_COST
+    shut = room.to_filled < hard
     start = obstacle_map.cell_of(*start_cm)
     leave = math.ceil(body.radius_cm / config.cell_cm)
     rows = slice(max(0, start[0] - leave), start[0] + leave + 1)
     cols = slice(max(0, start[1] - leave), start[1] + leave + 1)
     shut[rows, cols] = obstacle_map.occupied[rows, cols]
-    cost[rows, cols] += 4.0 * np.clip((hard - room_cm[rows, cols]) / hard, 0.0, 1.0)
+    cost[rows, cols] += 4.0 * np.clip((hard - room.to_filled[rows, cols]) / hard, 0.0, 1.0)
     shut[start] = False
     return shut, cost
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from host.nav.map import FREE, Obstacle, ObstacleMap
 from host.nav.odometry import heading_of
-from host.nav.plan import Way, find_way, room_around, tightest
+from host.nav.plan import Room, Way, find_way, room_around, tightest
 from host.pose import Pose
 
 PLAN_EVERY_S = 0.5
@@ -183,11 +183,9 @@ def _planned(
     plan = replace(plan, way=way, made_s=t_s)
     aim = _aim_on(way, obstacle_map, room, here, goal_cm)
     old = plan.aim
-    if (
-        old is not None
-        and math.dist(old, here) > 2 * config.cell_cm
-        and _clear(obstacle_map, room, here, old)
-    ):
+    over_unseen = not _clear(obstacle_map, room, here, aim, over_unseen=False)
+    far = old is not None and math.dist(old, here) > 2 * config.cell_cm
+    if old is not None and far and _clear(obstacle_map, room, here, old, over_unseen):
         if plan.piece_from is None:  # turning: towards whichever of the two is nearer, so as not to dither
             aim = min(old, aim, key=lambda p: abs(_wrap(_bearing(here, p) - heading)))
         elif math.dist(plan.piece_from, here) < config.piece_cm:
@@ -195,15 +193,19 @@ def _planned(
     return replace(plan, aim=aim)
 
 
-def _aim_on(way: Way, obstacle_map: ObstacleMap, room: np.ndarray, here, goal_cm) -> tuple[float, float]:
+def _aim_on(way: Way, obstacle_map: ObstacleMap, room: Room, here, goal_cm) -> tuple[float, float]:
     """The farthest point of the way that a straight line reaches, or a side step where that is shut."""
     points = [*way.points[1:], *([goal_cm] if way.to_goal else [])]
     points = [p for p in points if math.dist(p, here) > 2 * obstacle_map.config.cell_cm] or points[-1:]
-    aim = points[0] if points else goal_cm
-    for point in points:
-        if not _clear(obstacle_map, room, here, point):
+    first = points[0] if points else goal_cm
+    aim = first
+    for over_unseen in (False, True):  # over floor that was seen, if any such piece begins here
+        for point in points:
+            if not _clear(obstacle_map, room, here, point, over_unseen):
+                break
+            aim = point
+        if aim != first:
             break
-        aim = point
     return _side_step(obstacle_map, here, aim)
 
 
@@ -219,7 +221,7 @@ def _side_step(obstacle_map: ObstacleMap, here, aim) -> tuple[float, float]:
     return aim
 
 
-def _clear(obstacle_map: ObstacleMap, room: np.ndarray, start, end) -> bool:
+def _clear(obstacle_map: ObstacleMap, room: Room, start, end, over_unseen: bool) -> bool:
     """Whether the robot fits all along a straight line; where it stands does not count."""
     length = math.dist(start, end)
     limit = tightest(obstacle_map)
@@ -227,7 +229,8 @@ def _clear(obstacle_map: ObstacleMap, room: np.ndarray, start, end) -> bool:
     for s in np.arange(min(first, length), length + 1e-9, obstacle_map.config.cell_cm / 2):
         part = s / max(length, 1e-9)
         x, z = (a + part * (b - a) for a, b in zip(start, end, strict=True))
-        if room[obstacle_map.cell_of(x, z)] < limit:
+        cell = obstacle_map.cell_of(x, z)
+        if room.to_filled[cell] < limit or not (over_unseen or room.to_unseen[cell] >= first):
             return False
     return True
 

@@ -1,0 +1,149 @@
+"""The map: regions with depth become obstacles where they stand, floor frees ground, unseen stays unknown."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from planar_world import FLOOR_ID, LENS, WALL_ID, Box, PlanarWorld
+
+from host.depth.report import DepthReport, RegionDepth, VertexDepths
+from host.nav.config import BodyConfig, NavConfig
+from host.nav.map import FREE, OCCUPIED, ObstacleMap
+from host.pose import Pose
+
+BOX = Box(-10, 90, 14, 110, 30)
+NO_VERTICES = VertexDepths(np.empty(0, np.int64), np.empty((0, 3)), np.empty(0))
+FRAMES = 4  # pictures until evidence counts
+
+
+def look(world: PlanarWorld, obstacle_map: ObstacleMap, depths: dict[int, tuple[float, float]] | None = None):
+    """A few frames from where the robot stands, with the given (depth, sigma) per region and no others."""
+    snapshot, _ = world.see()
+    found = {r.id: RegionDepth(None, None, None, "not given") for r in snapshot.regions}
+    for region, (z, sigma) in (depths or {}).items():
+        found[region] = RegionDepth(z, sigma, "area", None)
+    x, z = world.camera_xz()
+    for k in range(FRAMES):
+        pose = Pose.planar(x, z, world.heading, t_s=world.t_s + k / 10)
+        obstacle_map.update(snapshot, DepthReport(found, NO_VERTICES), pose, LENS)
+    return obstacle_map
+
+
+def fresh() -> ObstacleMap:
+    return ObstacleMap(BodyConfig(), NavConfig())
+
+
+def filled_xz(obstacle_map: ObstacleMap, region: int) -> np.ndarray:
+    return obstacle_map.points_where(obstacle_map.occupied & (obstacle_map.region == region))
+
+
+def test_a_box_with_measured_depth_stands_where_it_is_and_is_as_wide_as_it_is():
+    box_map = look(PlanarWorld([BOX]), fresh(), {10: (90.0, 0.9)})
+    obstacle = box_map.obstacles[10]
+    assert obstacle.how == "area"
+    assert obstacle.depth_cm == pytest.approx(90, abs=1.5)
+    assert obstacle.left_cm == pytest.approx((-10, 90), abs=2)
+    assert obstacle.right_cm == pytest.approx((14, 90), abs=2)
+    cells = filled_xz(box_map, 10)
+    assert cells[:, 0].min() == pytest.approx(-10, abs=5)
+    assert cells[:, 0].max() == pytest.approx(14, abs=5)
+    assert cells[:, 1].min() == pytest.approx(90, abs=5)
+
+
+def test_an_obstacle_stays_in_place_when_the_robot_has_moved_and_turned():
+    world = PlanarWorld([BOX])
+    world.x, world.z, world.heading = 40.0, 20.0, math.radians(-30)
+    x, z = world.camera_xz()
+    depth = (90 - z) * math.cos(world.heading) + (2 - x) * math.sin(world.heading)
+    box_map = look(world, fresh(), {10: (depth, 1.0)})
+    left, right = box_map.obstacles[10].left_cm, box_map.obstacles[10].right_cm
+    assert left[0] == pytest.approx(-10, abs=4)
+    assert right[0] == pytest.approx(14, abs=4)
+    assert left[1] == pytest.approx(90, abs=6)
+
+
+def test_without_depth_the_foot_on_the_floor_tells_where_a_thing_stands():
+    obstacle = look(PlanarWorld([BOX]), fresh()).obstacles[10]
+    assert obstacle.how == "foot"
+    assert obstacle.depth_cm == pytest.approx(90, rel=0.06)
+    assert obstacle.sigma_cm > 3.0
+
+
+def test_depth_and_foot_that_agree_are_better_than_either():
+    obstacle = look(PlanarWorld([BOX]), fresh(), {10: (92.0, 5.0)}).obstacles[10]
+    assert obstacle.sigma_cm < 5.0
+    assert 89 < obstacle.depth_cm < 92
+
+
+@pytest.mark.parametrize("depth", [50.0, 160.0])
+def test_where_depth_and_foot_contradict_each_other_the_nearer_one_counts(depth):
+    obstacle = look(PlanarWorld([BOX]), fresh(), {10: (depth, 1.0)}).obstacles[10]
+    assert obstacle.depth_cm == pytest.approx(min(depth, 90), rel=0.06)
+
+
+def test_floor_is_no_obstacle_and_frees_the_ground_up_to_the_first_thing():
+    box_map = look(PlanarWorld([BOX]), fresh(), {10: (90.0, 0.9)})
+    assert FLOOR_ID not in box_map.obstacles
+    assert box_map.is_floor(FLOOR_ID)
+    assert box_map.evidence[box_map.cell_of(0, 60)] < FREE
+    assert box_map.evidence[box_map.cell_of(0, 92)] > OCCUPIED
+
+
+def test_unseen_ground_is_not_free():
+    box_map = look(PlanarWorld([BOX]), fresh(), {10: (90.0, 0.9)})
+    for x, z in [(0, 150), (0, 15), (-150, 20), (0, -60)]:  # behind the box, before the lens, aside, behind
+        assert not box_map.evidence[box_map.cell_of(x, z)] < FREE, (x, z)
+
+
+def test_a_wall_is_mapped_along_its_slant_by_its_feet():
+    world = PlanarWorld([])
+    world.heading = math.radians(30)
+    wall_map = look(world, fresh())
+    cells = filled_xz(wall_map, WALL_ID)
+    rows = [cells[cells[:, 1] == z, 0].min() for z in np.unique(cells[:, 1]) if z < 180]
+    assert len(rows) > 10
+    assert np.median(rows) == pytest.approx(150, abs=10)
+
+
+def test_a_rug_whose_depth_lies_on_the_floor_becomes_floor():
+    rug = Box(-20, 80, 20, 130, 0.01)
+    world = PlanarWorld([])
+    snapshot, _ = world.see()
+    flat = PlanarWorld([rug]).see()[0]
+    if all(r.id != 10 for r in flat.regions):  # too thin to be cast: paint it onto the floor
+        rows = [120 + 15 * LENS.fy / z for z in (130, 80)]
+        loop = np.array(
+            [[160 - 20 * LENS.fx / 130, rows[0]], [160 + 20 * LENS.fx / 130, rows[0]],
+             [160 + 20 * LENS.fx / 80, rows[1]], [160 - 20 * LENS.fx / 80, rows[1]]]
+        )  # fmt: skip
+        floor = next(r for r in snapshot.regions if r.id == FLOOR_ID)
+        none = (np.zeros(4, np.int64),)
+        patch = type(floor)(10, None, 0, 3000.0, 1.0, False, (250.0, 0.0, 0.0), (loop,), none, none)
+        flat = type(snapshot)(*[*(getattr(snapshot, f) for f in ("seq",)), (*snapshot.regions, patch),
+                                snapshot.vertices, snapshot.contour, (), 1, 1.0, 1.0])  # fmt: skip
+    rug_map = fresh()
+    report = DepthReport({10: RegionDepth(100.0, 2.0, "area", None)}, NO_VERTICES)
+    for k in range(8):
+        rug_map.update(flat, report, Pose.planar(0, 0, 0, t_s=k / 10), LENS)
+    assert rug_map.is_floor(10)
+    assert rug_map.evidence[rug_map.cell_of(0, 100)] < FREE
+
+
+def test_contradictory_evidence_wins_within_a_few_frames():
+    box_map = look(PlanarWorld([BOX]), fresh(), {10: (90.0, 0.9)})
+    cell = box_map.cell_of(0, 92)
+    assert box_map.evidence[cell] > OCCUPIED
+    for _ in range(5):
+        look(PlanarWorld([]), box_map)
+    assert box_map.evidence[cell] < FREE
+
+
+def test_evidence_fades_when_nothing_is_seen():
+    box_map = look(PlanarWorld([BOX]), fresh(), {10: (90.0, 0.9)})
+    world = PlanarWorld([])
+    world.heading, world.t_s = math.pi, 3 * NavConfig().memory_s
+    look(world, box_map)
+    assert not box_map.evidence[box_map.cell_of(0, 92)] > OCCUPIED
+    assert 10 not in box_map.obstacles

@@ -1,0 +1,167 @@
+"""Odometry: exact where wheels turn evenly, far below a count where they do not."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from planar_world import PlanarWorld
+
+from host.nav.config import BodyConfig
+from host.nav.odometry import Odometry, Wheel, WheelReading, advance, heading_of
+
+BODY = BodyConfig()
+
+
+def edge_before(travel_cm: float, speed: float, t_s: float, cell: float) -> tuple[int, float | None]:
+    """Count and time of the last edge of a wheel that has turned evenly from mid-cell since time 0."""
+    place = travel_cm / cell + 0.5
+    count = math.floor(place)
+    if speed > 0 and count >= 1:
+        return count, (count - 0.5) * cell / speed
+    if speed < 0 and count <= -1:
+        return count, (count + 0.5) * cell / speed
+    return count, None
+
+
+def drive_evenly(left: float, right: float, seconds: float) -> Odometry:
+    """Readings every 10 ms of two wheels at constant speed from mid-cell."""
+    odometry = Odometry(BODY)
+    for k in range(round(seconds * 100) + 1):
+        t = k / 100
+        count_left, edge_left = edge_before(left * t, left, t, BODY.cm_per_count)
+        count_right, edge_right = edge_before(right * t, right, t, BODY.cm_per_count)
+        odometry.add(WheelReading(t, count_left, count_right, edge_left, edge_right))
+    return odometry
+
+
+@given(
+    st.floats(4.0, 40.0), st.floats(4.0, 40.0), st.sampled_from([1, -1]), st.floats(1.5, 4.0),
+    st.floats(0.0, 0.7),
+)  # fmt: skip
+@settings(max_examples=60, deadline=None)
+def test_the_pose_on_an_arc_of_constant_wheel_speeds_is_exact(left, right, sign, seconds, back):
+    right *= sign
+    if sign > 0 and 0 < abs(left - right) < 0.15 * max(left, right):
+        right = left  # an almost straight start is taken for a straight one, by design
+    odometry = drive_evenly(left, right, seconds)
+    t = seconds - back
+    x, z, heading = advance(0.0, -BODY.camera_ahead_cm, 0.0, left * t, right * t, BODY.track_cm)
+    pose = odometry.pose_at(t)
+    slack = 0.02  # the first half cell of each wheel is known only from its end
+    assert abs(math.remainder(heading_of(pose) - heading, 2 * math.pi)) < slack
+    assert (
+        math.dist(
+            (pose.position_cm[0], pose.position_cm[2]),
+            (x + BODY.camera_ahead_cm * math.sin(heading), z + BODY.camera_ahead_cm * math.cos(heading)),
+        )
+        < slack * (abs(left) + abs(right)) * seconds / 2 + 0.1
+    )
+
+
+@given(st.floats(-30, 30), st.floats(-30, 30), st.integers(1, 9))
+def test_an_arc_driven_in_pieces_ends_where_it_ends_in_one(left, right, pieces):
+    whole = advance(3.0, -4.0, 0.5, left, right, 15.0)
+    part = (3.0, -4.0, 0.5)
+    for _ in range(pieces):
+        part = advance(*part, left / pieces, right / pieces, 15.0)
+    assert np.allclose(whole, part, atol=1e-9)
+
+
+def test_a_faster_left_wheel_turns_to_the_right_towards_x():
+    pose = drive_evenly(12.0, 10.0, 3.0).pose_at(3.0)
+    assert heading_of(pose) > 0
+    assert pose.position_cm[0] > 0
+
+
+def test_turning_in_place_carries_the_camera_round_the_axle():
+    pose = drive_evenly(6.0, -6.0, 2.0).pose_at(2.0)
+    turn = 2 * 6.0 * 2.0 / BODY.track_cm
+    want = [BODY.camera_ahead_cm * math.sin(turn), 0, BODY.camera_ahead_cm * (math.cos(turn) - 1)]
+    assert np.allclose(pose.position_cm, want, atol=0.05)
+
+
+def errors_on_a_random_drive(seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Errors of travel (cm) and heading (rad) against the truth, frame by frame while moving."""
+    world = PlanarWorld([], room=(-1e4, -1e4, 1e4, 1e4), seed=seed, fps=30)
+    odometry = Odometry(world.body)
+    odometry.add(WheelReading(0.0, 0, 0, None, None))
+    random = np.random.default_rng(seed)
+    world.command = (20.0, 0.0)
+    travel, heading = [], []
+    for k in range(300):
+        if k % 60 == 59:
+            world.command = (random.uniform(10, 30), random.uniform(-0.4, 0.4))
+        for reading in world.run(1 / world.fps):
+            odometry.add(reading)
+        if k > 30:
+            pose = odometry.pose_at(world.t_s)
+            x, z = world.camera_xz()
+            off = pose.position_cm - (x, 0.0, z)
+            travel.append(off[0] * math.sin(world.heading) + off[2] * math.cos(world.heading))
+            heading.append(heading_of(pose) - world.heading)
+    return np.array(travel), np.array(heading)
+
+
+def test_travel_between_frames_is_known_far_better_than_a_count():
+    steps, turns = [], []
+    for seed in range(4):
+        travel, heading = errors_on_a_random_drive(seed)
+        steps.append(np.diff(travel))
+        turns.append(np.diff(heading))
+    rms = math.sqrt(np.mean(np.concatenate(steps) ** 2))
+    raw = BODY.cm_per_count / math.sqrt(6)  # of a difference of two rounded readings
+    assert rms < raw / 4
+    assert math.sqrt(np.mean(np.concatenate(turns) ** 2)) < 2 * raw / BODY.track_cm / 4
+
+
+def test_the_stated_sigma_of_travel_covers_its_error():
+    world = PlanarWorld([], seed=5, fps=30)
+    odometry = Odometry(world.body)
+    odometry.add(WheelReading(0.0, 0, 0, None, None))
+    world.command = (20.0, 0.0)
+    for _ in range(120):
+        for reading in world.run(1 / world.fps):
+            odometry.add(reading)
+    pose = odometry.pose_at(world.t_s)
+    travel = math.hypot(*(np.array(world.camera_xz()) - (0.0, 0.0)))
+    assert abs(math.hypot(pose.position_cm[0], pose.position_cm[2]) - travel) < 3 * (
+        pose.sigma_z_cm + BODY.cm_per_count / math.sqrt(12)
+    )
+
+
+def test_a_standing_robot_does_not_move():
+    odometry = Odometry(BODY)
+    for k in range(200):
+        odometry.add(WheelReading(k / 100, 0, 0, None, None))
+    assert np.allclose(odometry.pose_at(1.99).position_cm, 0.0)
+    assert np.allclose(odometry.pose_at(2.05).rotation, np.eye(3))
+
+
+def test_a_wheel_without_a_new_edge_stays_within_its_cell():
+    wheel = Wheel(0.5, 0.0, 0)
+    wheel.add(0.1, 1, 0.1)
+    wheel.add(0.2, 2, 0.2)
+    at_edge = wheel.travel(0.2)
+    late = [wheel.travel(t) for t in np.linspace(0.2, 3.0, 50)]
+    assert min(late) >= at_edge
+    assert max(late) <= at_edge + 0.5
+
+
+def test_a_wheel_that_stops_and_goes_on_is_right_again_at_the_next_edge():
+    wheel = Wheel(0.5, 0.0, 0)
+    for k in range(1, 6):
+        wheel.add(0.1 * k, k, 0.1 * k)
+    for k in range(60, 200):
+        wheel.add(k / 100, 5, 0.5)
+    wheel.add(2.01, 6, 2.0)
+    assert wheel.travel(2.0) - wheel.travel(0.5) == 0.5
+
+
+def test_readings_out_of_order_are_ignored():
+    odometry = drive_evenly(10.0, 10.0, 1.0)
+    before = odometry.pose_at(1.0).position_cm
+    odometry.add(WheelReading(0.5, 99, 99, 0.4, 0.4))
+    assert np.array_equal(odometry.pose_at(1.0).position_cm, before)

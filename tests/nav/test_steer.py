@@ -1,0 +1,177 @@
+"""Steering: to the goal, never forward into anything nearer than the clearance, and always with a reason."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from host.nav.config import BodyConfig, NavConfig
+from host.nav.map import FREE, LIMIT, Obstacle, ObstacleMap
+from host.nav.odometry import heading_of
+from host.nav.plan import find_way, room_around
+from host.nav.steer import Plan, body_of, decide, look_ahead
+from host.pose import Pose
+
+BODY, CONFIG = BodyConfig(), NavConfig()
+
+
+def open_floor() -> ObstacleMap:
+    """A map on which everything was seen to be free."""
+    floor = ObstacleMap(BODY, CONFIG)
+    floor.evidence[:] = 2 * FREE
+    return floor
+
+
+def put(obstacle_map: ObstacleMap, x0: float, z0: float, x1: float, z1: float, region: int = 7) -> None:
+    """Fill a rectangle, as a region that was measured there."""
+    row0, col0 = obstacle_map.cell_of(x0, z0)
+    row1, col1 = obstacle_map.cell_of(x1, z1)
+    obstacle_map.evidence[row0 : row1 + 1, col0 : col1 + 1] = LIMIT
+    obstacle_map.region[row0 : row1 + 1, col0 : col1 + 1] = region
+    obstacle_map.obstacles[region] = Obstacle(region, z0, 1.2, "area", (x0, z0), (x1, z0), 0.0)
+
+
+def camera(x: float, z: float, heading: float, t_s: float = 0.0) -> Pose:
+    """Pose of the camera when the axle's middle stands at (x, z)."""
+    ahead = BODY.camera_ahead_cm
+    return Pose.planar(x + ahead * math.sin(heading), z + ahead * math.cos(heading), heading, t_s=t_s)
+
+
+def test_on_open_floor_it_drives_straight_at_full_speed():
+    command, _ = decide(Plan(), open_floor(), camera(0, 0, 0), (0, 200))
+    assert command.v_mm_s == 10 * CONFIG.speed_cm_s
+    assert command.omega_rad_s == 0
+    assert command.reason.startswith("straight")
+
+
+def test_over_floor_nobody_has_seen_it_creeps():
+    command, _ = decide(Plan(), ObstacleMap(BODY, CONFIG), camera(0, 0, 0), (0, 200))
+    assert 0 < command.v_mm_s <= 10 * CONFIG.creep_cm_s
+    assert command.reason.startswith("creep")
+
+
+def test_a_goal_to_the_right_is_turned_to_in_place_and_to_the_right():
+    command, _ = decide(Plan(), open_floor(), camera(0, 0, 0), (200, 0))
+    assert command.v_mm_s == 0
+    assert command.omega_rad_s > 0
+
+
+def test_the_goal_is_reached_when_the_camera_is_within_the_tolerance():
+    command, _ = decide(Plan(), open_floor(), camera(0, 100, 0), (3, 117))
+    assert command.outcome == "goal"
+    assert command.v_mm_s == command.omega_rad_s == 0
+
+
+def test_the_reason_names_region_depth_and_sigma():
+    floor = open_floor()
+    put(floor, -60, 40, 60, 50, region=12)
+    command, _ = decide(Plan(), floor, camera(0, 0, 0), (0, 200))
+    assert "region 12 at 40 ±1.2 cm (area)" in command.reason
+
+
+def test_a_ring_without_a_gap_is_called_blocked_after_looking_all_round():
+    floor = open_floor()
+    for rectangle in [(-80, -80, 80, -70), (-80, 70, 80, 80), (-80, -80, -70, 80), (70, -80, 80, 80)]:
+        put(floor, *rectangle)
+    plan, heading, t, outcome, moved = Plan(), 0.0, 0.0, None, 0.0
+    x = z = 0.0
+    while outcome is None and t < 60:
+        command, plan = decide(plan, floor, camera(x, z, heading, t), (0, 200))
+        outcome = command.outcome
+        t += 0.1
+        heading += command.omega_rad_s * 0.1
+        x += command.v_mm_s / 100 * math.sin(heading)
+        z += command.v_mm_s / 100 * math.cos(heading)
+        moved = max(moved, math.hypot(x, z))
+    assert outcome == "blocked"
+    assert "looking around" in command.reason
+    assert moved < 70 - BODY.radius_cm
+
+
+def test_a_side_once_chosen_is_kept_while_turning():
+    floor = open_floor()
+    put(floor, -30, 40, 30, 60)
+    plan, heading, signs = Plan(), 0.0, []
+    for k in range(40):
+        command, plan = decide(plan, floor, camera(0, 0, heading, k / 10), (0, 200))
+        if command.v_mm_s > 0:
+            break
+        signs.append(np.sign(command.omega_rad_s))
+        heading += command.omega_rad_s / 10
+    assert len(set(signs) - {0}) == 1
+
+
+cells = st.tuples(st.floats(-90, 90), st.floats(-90, 90), st.floats(0, 40), st.floats(0, 40))
+
+
+@given(
+    st.lists(cells, min_size=1, max_size=8), st.floats(-math.pi, math.pi), st.floats(-150, 150),
+    st.floats(20, 200),
+)  # fmt: skip
+@settings(max_examples=150, deadline=None)
+def test_it_never_goes_forward_into_anything_nearer_than_the_clearance(boxes, heading, goal_x, goal_z):
+    floor = open_floor()
+    for x, z, w, d in boxes:
+        put(floor, x, z, x + w, z + d)
+    pose = camera(0, 0, heading)
+    plan = Plan()
+    for k in range(3):
+        pose = camera(0, 0, heading, t_s=k * 0.7)
+        command, plan = decide(plan, floor, pose, (goal_x, goal_z))
+        if command.v_mm_s <= 0:
+            continue
+        x, z, at = body_of(pose, BODY.camera_ahead_cm)
+        points = floor.points_where(floor.occupied) - (x, z)
+        along = points @ (math.sin(at), math.cos(at))
+        aside = np.abs(points @ (math.cos(at), -math.sin(at)))
+        # cells the disc would meet head-on; nearer than the clearance none may be, and it must brake in time
+        met = (along > 0) & (aside < BODY.radius_cm)
+        gap = along[met] - np.sqrt(BODY.radius_cm**2 - aside[met] ** 2)
+        v = command.v_mm_s / 10
+        brake = v * CONFIG.reaction_s + v * v / (2 * CONFIG.brake_cm_s2)
+        if met.any():
+            assert gap.min() > CONFIG.clearance_cm + brake - 1e-6
+
+
+@given(st.floats(-math.pi, math.pi), st.floats(20, 120), st.floats(-0.9, 0.9))
+@settings(max_examples=60)
+def test_the_room_ahead_is_the_distance_the_rim_can_go(heading, distance, aside_share):
+    floor = open_floor()
+    aside = aside_share * BODY.radius_cm
+    x = distance * math.sin(heading) + aside * math.cos(heading)
+    z = distance * math.cos(heading) - aside * math.sin(heading)
+    row, col = floor.cell_of(x, z)
+    floor.evidence[row, col] = LIMIT
+    room = look_ahead(floor, 0.0, 0.0, heading).room_cm
+    cx, cz = floor.point_of(row, col)
+    along = cx * math.sin(heading) + cz * math.cos(heading)
+    off = abs(cx * math.cos(heading) - cz * math.sin(heading))
+    assume(off < BODY.radius_cm)
+    touch = along - math.sqrt(BODY.radius_cm**2 - off**2)
+    assert touch - 1.5 * CONFIG.cell_cm - 6 <= room <= touch
+
+
+def test_the_way_leads_through_a_gap_that_is_wide_enough_and_not_through_a_narrow_one():
+    wide = open_floor()
+    put(wide, -400, 100, -25, 105)
+    put(wide, 25, 100, 400, 105)
+    way = find_way(wide, room_around(wide), (0, 0), (0, 200))
+    assert way.to_goal
+    crossing = [x for x, z in way.points if 95 < z < 110]
+    assert max(map(abs, crossing)) < 12
+
+    narrow = open_floor()
+    put(narrow, -400, 100, -10, 105)
+    put(narrow, 10, 100, 400, 105)
+    way = find_way(narrow, room_around(narrow), (0, 0), (0, 200))
+    assert not way.to_goal
+    assert way.points[-1][1] < 100 - BODY.radius_cm
+
+
+def test_the_body_stands_behind_the_camera_it_carries():
+    pose = camera(5.0, -3.0, 0.7)
+    assert np.allclose(body_of(pose, BODY.camera_ahead_cm), (5.0, -3.0, 0.7))
+    assert heading_of(pose) == np.float64(0.7) or math.isclose(heading_of(pose), 0.7)
