@@ -27,7 +27,7 @@ class Lens:
     def to_rays(self, points_px: np.ndarray) -> np.ndarray:
         """Undistorted image points (N, 2) in pixels to (N, 2) = (X/Z, Y/Z)."""
         points = np.asarray(points_px, float).reshape(-1, 2)
-        if any(self.distortion):
+        if any(self.distortion) and len(points):  # OpenCV gives None for no points
             flat = cv2.undistortPoints(points.reshape(-1, 1, 2), self.matrix, np.array(self.distortion))
             return flat.reshape(-1, 2)
         return (points - (self.cx, self.cy)) / (self.fx, self.fy)
@@ -35,7 +35,7 @@ class Lens:
     def to_pixels(self, rays: np.ndarray) -> np.ndarray:
         """The inverse of to_rays: (N, 2) = (X/Z, Y/Z) to pixels (N, 2)."""
         rays = np.asarray(rays, float).reshape(-1, 2)
-        if any(self.distortion):
+        if any(self.distortion) and len(rays):
             space = np.column_stack([rays, np.ones(len(rays))])
             zero = np.zeros(3)
             out, _ = cv2.projectPoints(space, zero, zero, self.matrix, np.array(self.distortion))
