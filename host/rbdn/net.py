@@ -66,7 +66,7 @@ class Net:
 
     def faults(self) -> list[int]:
         """Edges that break the net's planarity; empty unless there is a bug."""
-        return self._core.bad_edges()
+        return self._core.faults()
 
     def faces(self) -> dict[str, np.ndarray]:
         """The polygons behind the regions: vertices, edges (a, b, left, right), means, label image."""
@@ -164,11 +164,14 @@ def _core_config(config: NetConfig) -> _core.Config:
 
 def _turn(lens: Lens, pixels: np.ndarray, rotation: np.ndarray) -> np.ndarray:
     """Where the last image showed what the turned camera sees at `pixels` (N, 2); far things only."""
-    rays = lens.to_rays(pixels)
-    space = np.column_stack([rays, np.ones(len(rays))]) @ np.asarray(rotation).T
-    behind = space[:, 2] < 1e-3
-    space[behind] = (1e6, 1e6, 1.0)
-    return lens.to_pixels(space[:, :2] / space[:, 2:])
+    x, y = lens.to_rays(pixels).T
+    # Written out, since a threaded matrix product would keep the robot's other cores spinning.
+    u, v, w = (row[0] * x + row[1] * y + row[2] for row in np.asarray(rotation, float))
+    in_front = w > 1e-3
+    w = np.where(in_front, w, 1.0)
+    far_away = 1e6
+    rays = np.column_stack([np.where(in_front, u / w, far_away), np.where(in_front, v / w, far_away)])
+    return lens.to_pixels(rays)
 
 
 def _loops_of_regions(fine: dict[str, np.ndarray], count: int) -> list[list[tuple[np.ndarray, np.ndarray]]]:

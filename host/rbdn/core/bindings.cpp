@@ -6,6 +6,7 @@
 #include <chrono>
 #include <cstring>
 
+#include "corners.hpp"
 #include "loops.hpp"
 #include "refine.hpp"
 #include "tracker.hpp"
@@ -49,7 +50,7 @@ public:
 
     nb::dict refine(const ByteImage& bgr) {
         const double begin = now_ms();
-        const rbdn::Mesh& mesh = tracker_.mesh();
+        const rbdn::Mesh mesh = rbdn::with_whole_corners(tracker_.mesh());
         const rbdn::RegionSet& regions = tracker_.regions();
         const int count = static_cast<int>(regions.id.size());
         linear_.load(bgr.data(), static_cast<int>(bgr.shape(1)), static_cast<int>(bgr.shape(0)));
@@ -87,7 +88,7 @@ public:
     }
 
     int cycles() const { return tracker_.cycles(); }
-    std::vector<int> bad_edges() const { return tracker_.bad_edges(); }
+    std::vector<int> faults() const { return tracker_.faults(); }
 
 private:
     void put_regions(nb::dict& out, const rbdn::Mesh& mesh, const rbdn::RegionSet& regions, int count,
@@ -198,5 +199,5 @@ NB_MODULE(_core, m) {
         .def("refine", &NetCore::refine, "bgr"_a, "Regions, loops, vertices and sub-pixel outline as arrays.")
         .def("faces", &NetCore::faces, "Vertices, edges (a, b, left, right), face means and the label image.")
         .def_prop_ro("cycles", &NetCore::cycles)
-        .def("bad_edges", &NetCore::bad_edges, "Edges at fault; empty for a consistent net.");
+        .def("faults", &NetCore::faults, "Edges at fault; empty for a consistent net.");
 }

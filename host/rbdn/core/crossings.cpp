@@ -94,17 +94,6 @@ void Crossings::build(const Mesh& mesh) {
     columns_.build(mesh, Axis::kColumns);
 }
 
-std::vector<int> Crossings::bad_edges(const Mesh& mesh) const {
-    std::vector<int> bad;
-    rows_.collect_bad_edges(bad);
-    columns_.collect_bad_edges(bad);
-    for (int v : mesh.vertices_with_torn_wedges())
-        for (int e : mesh.spokes[v]) bad.push_back(e);
-    std::sort(bad.begin(), bad.end());
-    bad.erase(std::unique(bad.begin(), bad.end()), bad.end());
-    return bad;
-}
-
 std::vector<ColourSum> Crossings::face_sums(const Mesh& mesh, const Image& image) const {
     std::vector<ColourSum> sums(mesh.faces.size());
     for (int y = 0; y < rows_.line_count(); ++y) {

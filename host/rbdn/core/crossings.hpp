@@ -50,9 +50,6 @@ public:
     const CrossingLines& rows() const { return rows_; }
     const CrossingLines& columns() const { return columns_; }
 
-    // Edges that make the net inconsistent: crossings out of order, or torn wedges. Sorted, each once.
-    std::vector<int> bad_edges(const Mesh& mesh) const;
-
     // Pixel sums of every face, one ColourSum a face.
     std::vector<ColourSum> face_sums(const Mesh& mesh, const Image& image) const;
 

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "planarity.hpp"
+
 namespace rbdn {
 
 namespace {
@@ -52,7 +54,7 @@ void measure_along(const Mesh& mesh, const CrossingLines& lines, Axis axis, cons
             if (rows ? dy < dx : dx <= dy) continue;
 
             const double steep = rows ? dy : dx;
-            const int depth = std::min(kDeepestRun, static_cast<int>(std::ceil(reach_px * std::hypot(dx, dy) / steep)));
+            const int depth = std::min(kDeepestRun, static_cast<int>(std::ceil(reach_px * std::sqrt(dx * dx + dy * dy) / steep)));
             const double across = k + 0.5;
             const double from_a = std::abs(across - (rows ? a.y : a.x)) / steep;
             const int half = from_a < 0.5 ? 0 : 1;
@@ -171,7 +173,7 @@ void settle_moves(Mesh& mesh, Crossings& crossings) {
     std::vector<char> touched(mesh.vertices.size(), 0);
     for (int attempt = 0; attempt <= kTries; ++attempt) {
         crossings.build(mesh);
-        const std::vector<int> bad = crossings.bad_edges(mesh);
+        const std::vector<int> bad = find_faults(mesh, crossings);
         if (bad.empty()) break;
         if (attempt == kTries) {
             for (Vertex& v : mesh.vertices) v.p = v.held;

@@ -24,6 +24,15 @@ inline Vec2 left_normal(Vec2 along) {
     return {along.y / size, -along.x / size};
 }
 
+// Grows with atan2(d.y, d.x), from -2 to 2, without its cost.
+inline double turn_of(Vec2 d) {
+    const double size = std::abs(d.x) + std::abs(d.y);
+    if (size == 0.0) return 0.0;
+    const double rise = d.y / size;
+    if (d.x >= 0.0) return rise;
+    return d.y >= 0.0 ? 2.0 - rise : -2.0 - rise;
+}
+
 // Nearest point of a segment, as the fraction of the way from `a` to `b`.
 inline double nearest_fraction(Vec2 p, Vec2 a, Vec2 b) {
     const Vec2 along = b - a;

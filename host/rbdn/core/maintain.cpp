@@ -5,6 +5,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "planarity.hpp"
+
 namespace rbdn {
 
 namespace {
@@ -122,11 +124,11 @@ bool zip_wedge(Mesh& mesh, int v, int e1, int e2, int face, const Spared& spared
 int face_towards(const Mesh& mesh, int v, Vec2 direction) {
     const Fan fan = fan_at(mesh, v);
     if (fan.count == 0) return kOutside;
-    const double turn = std::atan2(direction.y, direction.x);
+    const double turn = turn_of(direction);
     int before = fan.count - 1;
     for (int k = 0; k < fan.count; ++k) {
         const Vec2 d = mesh.vertices[mesh.edges[fan.edge[k]].other_end(v)].p - mesh.vertices[v].p;
-        if (std::atan2(d.y, d.x) <= turn) before = k;
+        if (turn_of(d) <= turn) before = k;
     }
     return mesh.edges[fan.edge[before]].right_from(v);
 }
@@ -179,7 +181,7 @@ int transact(Mesh& mesh, Crossings& crossings, const Operation& operation) {
         }
         mesh.compact();
         crossings.build(mesh);
-        const std::vector<int> bad = crossings.bad_edges(mesh);
+        const std::vector<int> bad = find_faults(mesh, crossings);
         if (bad.empty()) {
             for (Vertex& v : mesh.vertices) v.held = v.p;
             return changes;

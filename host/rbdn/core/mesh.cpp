@@ -219,7 +219,7 @@ Fan fan_at(const Mesh& mesh, int vertex) {
     std::array<double, kMaxDegree> angle{};
     for (int e : mesh.spokes[vertex]) {
         const Vec2 d = mesh.vertices[mesh.edges[e].other_end(vertex)].p - mesh.vertices[vertex].p;
-        const double turn = std::atan2(d.y, d.x);
+        const double turn = turn_of(d);
         int at = fan.count++;
         for (; at > 0 && angle[at - 1] > turn; --at) {
             angle[at] = angle[at - 1];

@@ -113,7 +113,7 @@ private:
     void rebuild_spokes();
 };
 
-// Edges at a vertex in the order of their directions (ascending atan2 with y downwards).
+// Edges at a vertex in the order of their directions (ascending turn_of, clockwise on the screen).
 struct Fan {
     int count = 0;
     std::array<int, kMaxDegree> edge{};

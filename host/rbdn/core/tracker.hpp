@@ -10,6 +10,7 @@
 #include "image.hpp"
 #include "maintain.hpp"
 #include "mesh.hpp"
+#include "planarity.hpp"
 #include "regions.hpp"
 
 namespace rbdn {
@@ -28,7 +29,7 @@ public:
     int cycles() const { return cycles_; }
 
     // Faults of the net as it stands; empty unless there is a bug.
-    std::vector<int> bad_edges() const { return crossings_.bad_edges(mesh_); }
+    std::vector<int> faults() const { return find_faults(mesh_, crossings_); }
 
 private:
     void start();

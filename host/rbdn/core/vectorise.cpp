@@ -5,6 +5,8 @@
 #include <cmath>
 #include <map>
 
+#include "planarity.hpp"
+
 namespace rbdn {
 
 namespace {
@@ -256,7 +258,7 @@ void vectorise(Mesh& mesh, Crossings& crossings, const std::vector<int>& labels)
         const std::int64_t first_id = mesh.next_vertex_id;
         const std::vector<int> chain_of_edge = build_edges(mesh, chains);
         crossings.build(mesh);
-        const std::vector<int> bad = crossings.bad_edges(mesh);
+        const std::vector<int> bad = find_faults(mesh, crossings);
         if (bad.empty()) break;
         for (int e : bad) {
             Chain& chain = chains[chain_of_edge[e]];

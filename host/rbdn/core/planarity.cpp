@@ -1,0 +1,83 @@
+// Is the net still a plane graph? Everything that changes it asks here before the change is kept.
+#include "planarity.hpp"
+
+#include <algorithm>
+
+namespace rbdn {
+
+namespace {
+
+constexpr double kCell = 16.0;
+
+bool cross_properly(Vec2 a, Vec2 b, Vec2 c, Vec2 d) {
+    const Vec2 ab = b - a, cd = d - c;
+    return cross(ab, c - a) * cross(ab, d - a) < 0 && cross(cd, a - c) * cross(cd, b - c) < 0;
+}
+
+// Cells of a coarse grid that an edge's bounding box covers.
+struct CellRange {
+    int x0, x1, y0, y1;
+};
+
+// Edges sorted into the cells of a coarse grid, so that only neighbours are compared.
+class EdgeGrid {
+public:
+    explicit EdgeGrid(const Mesh& mesh)
+        : mesh_(mesh), columns_(static_cast<int>(mesh.width / kCell) + 1),
+          start_(static_cast<std::size_t>(columns_) * (static_cast<int>(mesh.height / kCell) + 1) + 1, 0) {
+        for (const Edge& e : mesh.edges) for_each_cell(e, [&](int cell) { ++start_[cell + 1]; });
+        for (std::size_t k = 1; k < start_.size(); ++k) start_[k] += start_[k - 1];
+        items_.resize(start_.back());
+        std::vector<int> fill(start_.begin(), start_.end() - 1);
+        for (int k = 0; k < static_cast<int>(mesh.edges.size()); ++k)
+            for_each_cell(mesh.edges[k], [&](int cell) { items_[fill[cell]++] = k; });
+    }
+
+    void collect_crossing(std::vector<int>& bad) const {
+        for (std::size_t cell = 0; cell + 1 < start_.size(); ++cell)
+            for (int i = start_[cell]; i < start_[cell + 1]; ++i)
+                for (int j = i + 1; j < start_[cell + 1]; ++j) {
+                    const Edge& e = mesh_.edges[items_[i]];
+                    const Edge& f = mesh_.edges[items_[j]];
+                    if (e.a == f.a || e.a == f.b || e.b == f.a || e.b == f.b) continue;
+                    if (!cross_properly(at(e.a), at(e.b), at(f.a), at(f.b))) continue;
+                    bad.push_back(items_[i]);
+                    bad.push_back(items_[j]);
+                }
+    }
+
+private:
+    Vec2 at(int vertex) const { return mesh_.vertices[vertex].p; }
+
+    template <class Visit>
+    void for_each_cell(const Edge& e, Visit visit) const {
+        // Vertices off the border never leave the image, so border edges cannot be crossed.
+        if (e.dead || e.on_border()) return;
+        const Vec2 a = at(e.a), b = at(e.b);
+        const CellRange r{static_cast<int>(std::min(a.x, b.x) / kCell), static_cast<int>(std::max(a.x, b.x) / kCell),
+                          static_cast<int>(std::min(a.y, b.y) / kCell), static_cast<int>(std::max(a.y, b.y) / kCell)};
+        for (int y = r.y0; y <= r.y1; ++y)
+            for (int x = r.x0; x <= r.x1; ++x) visit(y * columns_ + x);
+    }
+
+    const Mesh& mesh_;
+    int columns_;
+    std::vector<int> start_;
+    std::vector<int> items_;
+};
+
+}  // namespace
+
+std::vector<int> find_faults(const Mesh& mesh, const Crossings& crossings) {
+    std::vector<int> bad;
+    crossings.rows().collect_bad_edges(bad);
+    crossings.columns().collect_bad_edges(bad);
+    for (int v : mesh.vertices_with_torn_wedges())
+        for (int e : mesh.spokes[v]) bad.push_back(e);
+    EdgeGrid(mesh).collect_crossing(bad);
+    std::sort(bad.begin(), bad.end());
+    bad.erase(std::unique(bad.begin(), bad.end()), bad.end());
+    return bad;
+}
+
+}  // namespace rbdn
