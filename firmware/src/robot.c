@@ -15,13 +15,13 @@ _Static_assert(LINK_STATUS_PERIOD_US % ROBOT_TICK_US == 0, "link status leaves o
 #define TELEMETRY_TICKS (TELEMETRY_PERIOD_US / ROBOT_TICK_US)
 #define LINK_STATUS_TICKS (LINK_STATUS_PERIOD_US / ROBOT_TICK_US)
 
-// A 6 V gear motor on two lithium cells: starts at 8 % duty, 0.7 m/s at full duty. Half of a speed error acts
-// at once, the rest within 0.4 s. The integral may make up for unequal motors and a low battery and no more,
-// for its limit is also how far a wheel runs away when its encoder breaks.
-#define GEAR_MOTOR                                                                                      \
-    {                                                                                                   \
-        .static_duty = 2600, .velocity_q8 = 690, .proportional_q8 = 345, .integral_q12 = 70,            \
-        .integral_limit = 8000, .duty_limit = MOTOR_DUTY_FULL,                                          \
+// A 6 V gear motor on two lithium cells: starts at 8 % duty, 0.7 m/s at full duty. Proportional is half the
+// slope of that, its integral time 0.2 s. The integral's limit makes up for unequal motors and a low battery
+// and no more, for it is also how far a wheel runs away when its encoder breaks.
+#define GEAR_MOTOR                                                                         \
+    {                                                                                      \
+        .static_duty = 2600, .velocity_q8 = 690, .proportional_q8 = 345,                   \
+        .integral_q12 = 140, .integral_limit = 8000, .duty_limit = MOTOR_DUTY_FULL,        \
     }
 
 const struct robot_params robot_params_default = {

@@ -85,7 +85,7 @@ class Board:
             at_us = now_us
         elif at_us < now_us:
             raise ValueError(f"an edge at {at_us} us comes too late: it is {now_us} us")
-        self._board.set_encoder_pins(side, a, b, at_us)
+        self._board.set_encoder_pins(side, bool(a), bool(b), at_us)
 
     def duty(self, side: Side) -> float:
         """Voltage on one motor as a fraction of the battery's, -1 to 1; 0 shorts the motor, which brakes."""
