@@ -9,6 +9,7 @@ from typing import Protocol, Self
 from host.errors import DeviceError
 from host.link.clock import Clock, RobotClock
 from host.link.protocol import (
+    BAUD,
     DEAD_MAN_US,
     PROTOCOL_VERSION,
     SCHEMA_HASH,
@@ -32,11 +33,13 @@ from host.link.protocol import (
 
 CONNECT_S = 3.0  # opening the port may reset the board, whose bootloader then waits up to 2 s
 ASK_AGAIN_S = 0.1
-STEP_S = 0.001  # between two looks at the line while connecting
+STEP_S = 0.0002  # between two looks at the line while connecting; half of it may be in the clock mapping
 SILENCE_S = 0.25  # 25 telemetry messages missing in a row
 PING_PERIOD_S = 0.1
 FIRST_PINGS = 16  # before the clock mapping is used
 PING_TIMEOUT_S = 0.05
+BYTE_S = 10 / BAUD  # on the line, start and stop bit included
+_PONG_S = BYTE_S * len(encode(Pong(0, 0), 0))
 ESTOP_COPIES = 3
 
 
@@ -95,7 +98,7 @@ class Robot:
         self._hello: Hello | None = None  # of the open session
         self._offered: Hello | None = None  # the last one received
         self._robot_clock = RobotClock()
-        self._pings: dict[int, float] = {}  # sent and not answered: what they carried -> sent_s
+        self._pings: dict[int, float] = {}  # not answered yet: what they carried -> earliest arrival
         self._pinged_s = float("-inf")
         self._heard_s = float("-inf")
 
@@ -264,18 +267,19 @@ class Robot:
         self._hello = None
         return DeviceError(why)
 
-    def _send(self, message: Message) -> None:
+    def _send(self, message: Message) -> int:
         # The delimiter before the frame keeps noise of the pause from swallowing it.
-        self._transport.write(b"\0" + encode(message, self._seq))
+        frame = b"\0" + encode(message, self._seq)
         self._seq = (self._seq + 1) & 0xFF
+        self._transport.write(frame)
+        return len(frame)
 
     def _ping(self) -> None:
         self._pinged_s = self._clock.now_s()
         token = int(self._pinged_s * 1e6) & 0xFFFF_FFFF
         if len(self._pings) >= FIRST_PINGS:
             del self._pings[next(iter(self._pings))]  # the oldest will not be answered any more
-        self._pings[token] = self._pinged_s
-        self._send(Ping(token))
+        self._pings[token] = self._pinged_s + BYTE_S * self._send(Ping(token))
 
     def _read(self) -> list[Telemetry]:
         received = self._decoder.feed(self._transport.read())
@@ -288,9 +292,9 @@ class Robot:
                     self.latest = message
                     reports.append(message)
                 case Pong():
-                    sent_s = self._pings.pop(message.host_time_us, None)
-                    if sent_s is not None:
-                        self._robot_clock.add(sent_s, message.mcu_time_us, now_s)
+                    arrived_s = self._pings.pop(message.host_time_us, None)
+                    if arrived_s is not None:
+                        self._robot_clock.add(arrived_s, message.mcu_time_us, now_s - _PONG_S)
                 case Hello():
                     self._offered = message
                 case Nack():

@@ -1,0 +1,107 @@
+"""The serial port on a pseudo-terminal, and what a person is told when it cannot be had."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import getpass
+import os
+import time
+import tty
+from pathlib import Path
+
+import pytest
+import serial
+
+from host.errors import DeviceError
+from host.link.serial_port import SerialPort
+
+
+@pytest.fixture
+def line():
+    """The far end of a line, and the path of the near one."""
+    far, near = os.openpty()
+    tty.setraw(near)
+    yield far, os.ttyname(near)
+    os.close(near)
+    with contextlib.suppress(OSError):  # some tests have unplugged it
+        os.close(far)
+
+
+def test_bytes_go_both_ways_unchanged(line):
+    far, path = line
+    port = SerialPort(path)
+    everything = bytes(range(256))
+    port.write(everything)
+    assert os.read(far, 1000) == everything
+    assert port.read() == b""
+    os.write(far, everything)
+    until_s = time.monotonic() + 1
+    received = b""
+    while len(received) < 256 and time.monotonic() < until_s:
+        received += port.read()
+    assert received == everything
+    port.close()
+
+
+def test_what_came_before_the_port_was_opened_is_forgotten(line):
+    far, path = line
+    os.write(far, b"old")
+    port = SerialPort(path)
+    os.write(far, b"new")
+    time.sleep(0.01)
+    assert port.read() == b"new"
+    port.close()
+
+
+def test_a_missing_port_is_named(tmp_path: Path):
+    with pytest.raises(DeviceError, match="ttyNONE does not exist") as told:
+        SerialPort(str(tmp_path / "ttyNONE"))
+    assert "\n" not in str(told.value)
+
+
+def test_a_forbidden_port_names_the_group_and_the_command(monkeypatch: pytest.MonkeyPatch):
+    def refuse(*_, **__):
+        raise serial.SerialException(errno.EACCES, "could not open port /dev/ttyACM0: Permission denied")
+
+    monkeypatch.setattr(serial, "Serial", refuse)
+    monkeypatch.setattr(getpass, "getuser", lambda: "ada")
+    with pytest.raises(DeviceError) as told:
+        SerialPort("/dev/ttyACM0")
+    assert str(told.value) == (
+        "/dev/ttyACM0 may not be opened by ada: run `sudo usermod -aG dialout ada`, then log out and in"
+    )
+
+
+def test_a_port_in_use_is_said_to_be(line):
+    _, path = line
+    port = SerialPort(path)
+    with pytest.raises(DeviceError, match="in use: close the other program"):
+        SerialPort(path)
+    port.close()
+
+
+def test_a_file_that_is_no_port_is_said_to_be_none(tmp_path: Path):
+    (tmp_path / "notes.txt").write_text("hello")
+    with pytest.raises(DeviceError, match=r"notes\.txt cannot be opened as a serial port"):
+        SerialPort(str(tmp_path / "notes.txt"))
+
+
+def test_an_unplugged_port_is_said_to_be_gone(line):
+    far, path = line
+    port = SerialPort(path)
+    os.close(far)
+    with pytest.raises(DeviceError, match=r"is gone .*: plug the robot in again"):
+        port.read()
+    port.close()
+
+
+def test_a_line_that_takes_nothing_more_is_not_waited_for(line):
+    _, path = line
+    port = SerialPort(path)
+    began_s = time.monotonic()
+    with pytest.raises(DeviceError, match="takes no more bytes"):
+        for _ in range(100):
+            port.write(b"\x55" * 4096)
+    assert time.monotonic() - began_s < 1
+    port.close()
