@@ -11,10 +11,12 @@ import math
 from bisect import bisect_right
 from dataclasses import dataclass
 
+from host.link.protocol import NO_EDGE_US, Telemetry
 from host.nav.config import BodyConfig
 from host.pose import Pose
 
 HISTORY_S = 1.0  # poses can be asked for this far back
+SAME_EDGE_S = 0.001  # an edge's time may shift by less than this as the clocks are compared anew
 REST_S = 0.25  # a wheel without an edge for this long, and four times its last period, stands
 START_EDGES = 8  # the start is over when a wheel has turned this far
 EVEN_START = 0.1  # wheel speeds that differ by less than this part are a straight start
@@ -32,6 +34,13 @@ class WheelReading:
     edge_left_s: float | None  # time of the wheel's last edge; None before the first one
     edge_right_s: float | None
 
+    @staticmethod
+    def of(report: Telemetry, t_s: float) -> WheelReading:
+        """What a telemetry message says, which held at host time ``t_s``."""
+        ages = (report.edge_age_left_us, report.edge_age_right_us)
+        left, right = (None if age == NO_EDGE_US else t_s - 1e-6 * age for age in ages)
+        return WheelReading(t_s, report.count_left, report.count_right, left, right)
+
 
 class Wheel:
     """Travel of one wheel as a piecewise linear function of time through its encoder edges."""
@@ -48,8 +57,9 @@ class Wheel:
         self.edges = 0
 
     def add(self, t_s: float, count: int, edge_s: float | None) -> None:
-        """One reading; edges older than the last knot are ignored."""
-        if edge_s is not None and edge_s != self._edge_s and (count != self._count or edge_s > self._t[-1]):
+        """One reading; an edge without a count is the one known already, or there and back again."""
+        known = self._edge_s is not None and edge_s is not None and abs(edge_s - self._edge_s) < SAME_EDGE_S
+        if edge_s is not None and (count != self._count or not known):
             self._add_edge(edge_s, count)
         elif self._resting:
             self._t[-1] = max(self._t[-1], t_s)
@@ -141,6 +151,13 @@ class Odometry:
         self._phase_known = False
         self._base = (0.0, 0.0, -body.camera_ahead_cm, 0.0)  # time, x, z, heading of the axle's middle
         self._newest_s = -math.inf
+        self._counts: tuple[int, int] | None = None
+        self._rolled = [0, 0]
+
+    @property
+    def rolled_cm(self) -> float:
+        """Path of the wheel that has turned most, forwards and backwards alike."""
+        return max(self._rolled) * self._body.cm_per_count
 
     @property
     def newest_s(self) -> float:
@@ -158,6 +175,10 @@ class Odometry:
         if r.t_s <= self._newest_s:
             return
         self._newest_s = r.t_s
+        counts = (r.count_left, r.count_right)
+        before = self._counts or counts
+        self._rolled = [n + abs(b - a) for n, a, b in zip(self._rolled, before, counts, strict=True)]
+        self._counts = counts
         self._left.add(r.t_s, r.count_left, r.edge_left_s)
         self._right.add(r.t_s, r.count_right, r.edge_right_s)
         self._find_phase()
