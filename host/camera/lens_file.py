@@ -1,0 +1,106 @@
+"""The lens as camera.json keeps it."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import asdict
+from pathlib import Path
+
+from host.camera.lens import Lens
+from host.errors import InputError
+from host.record.atomic import write_whole
+
+DISTORTION_TERMS = ("k1", "k2", "p1", "p2", "k3")
+LARGEST_SIDE_PX = 20000
+
+
+def read_lens(path: Path) -> Lens:
+    """Read a camera.json.
+
+    Raises
+    ------
+    InputError
+        naming the file and the line or key that is wrong.
+    """
+    try:
+        values = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        raise InputError(
+            f"{path}: no such file; write one with width, height, fx, fy, cx, cy and distortion"
+        ) from error
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror}); check its permissions") from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: is not text; it must be JSON in UTF-8") from error
+    except json.JSONDecodeError as error:
+        raise InputError(
+            f"{path}: line {error.lineno}: not valid JSON ({error.msg}); correct it there"
+        ) from error
+    except (RecursionError, ValueError) as error:  # ValueError: a number of thousands of digits
+        raise InputError(f"{path}: not a camera file; it must be one JSON object") from error
+    if not isinstance(values, dict):
+        raise InputError(f'{path}: must be one JSON object like {{"width": 320, "height": 240, ...}}')
+    return Lens(
+        width=_side(path, values, "width"),
+        height=_side(path, values, "height"),
+        fx=_focal(path, values, "fx"),
+        fy=_focal(path, values, "fy"),
+        cx=_number(path, "cx", _entry(path, values, "cx"), "give pixels"),
+        cy=_number(path, "cy", _entry(path, values, "cy"), "give pixels"),
+        distortion=_distortion(path, values),
+    )
+
+
+def write_lens(path: Path, lens: Lens) -> None:
+    """Write a camera.json that `read_lens` gives back unchanged."""
+    write_whole(path, (json.dumps(asdict(lens), indent=1) + "\n").encode())
+
+
+def _entry(path: Path, values: dict, key: str) -> object:
+    if key not in values:
+        undistorted = "[0, 0, 0, 0, 0] for undistorted images"
+        remedy = undistorted if key == "distortion" else "the camera's calibration gives it"
+        raise InputError(f'{path}: key "{key}" is missing; add it ({remedy})')
+    return values[key]
+
+
+def _number(path: Path, key: str, value: object, remedy: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not _finite(value):
+        raise InputError(f'{path}: key "{key}": {json.dumps(value)[:40]} is not a finite number; {remedy}')
+    return float(value)
+
+
+def _finite(value: int | float) -> bool:
+    try:
+        return math.isfinite(value)
+    except OverflowError:  # an integer of hundreds of digits
+        return False
+
+
+def _side(path: Path, values: dict, key: str) -> int:
+    value = _entry(path, values, key)
+    if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= LARGEST_SIDE_PX:
+        raise InputError(
+            f'{path}: key "{key}": {json.dumps(value)[:40]} is not an image side; '
+            f"give whole pixels from 1 to {LARGEST_SIDE_PX}"
+        )
+    return value
+
+
+def _focal(path: Path, values: dict, key: str) -> float:
+    value = _number(path, key, _entry(path, values, key), "give the focal length in pixels")
+    if value <= 0:
+        raise InputError(f'{path}: key "{key}": {value:g} is not above 0; give the focal length in pixels')
+    return value
+
+
+def _distortion(path: Path, values: dict) -> tuple[float, ...]:
+    value = _entry(path, values, "distortion")
+    names = ", ".join(DISTORTION_TERMS)
+    if not isinstance(value, list) or len(value) != len(DISTORTION_TERMS):
+        raise InputError(f'{path}: key "distortion": must be a list of the five numbers {names}')
+    return tuple(
+        _number(path, f"distortion.{name}", term, f"give the five numbers {names}")
+        for name, term in zip(DISTORTION_TERMS, value, strict=True)
+    )

@@ -1,0 +1,1 @@
+"""Sequence folders, read and written."""

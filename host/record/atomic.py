@@ -1,0 +1,65 @@
+"""Files that appear whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from pathlib import Path
+
+from host.errors import UsageError
+
+
+def check_writable(path: Path, *, folder: bool) -> None:
+    """See before any work is done that a result can go to `path`.
+
+    Parameters
+    ----------
+    path
+        The file, or with `folder` the folder, that will be written. It and its parents need not exist yet.
+
+    Raises
+    ------
+    UsageError
+        where something else is in the way or the place is not writable.
+    """
+    if folder and path.exists() and not path.is_dir():
+        raise UsageError(f"{path}: is a file, but a folder is needed for the pictures; name another")
+    if not folder and path.is_dir():
+        raise UsageError(f"{path}: is a folder; name a file in it")
+    nearest = path
+    while not nearest.exists() and nearest != nearest.parent:
+        nearest = nearest.parent
+    if nearest.is_file() and nearest != path:
+        raise UsageError(f"{path}: cannot be created because {nearest} is a file; choose another place")
+    if not os.access(nearest, os.W_OK):
+        raise UsageError(f"{path}: no permission to write to {nearest}; choose another place")
+
+
+def write_whole(path: Path, content: bytes) -> None:
+    """Replace `path` by `content` in one step, so that no reader ever sees half a file.
+
+    Raises
+    ------
+    UsageError
+        where it cannot be written; what was at `path` before is then untouched.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    except OSError as error:
+        raise UsageError(f"{path}: cannot be written ({error.strerror}); choose another place") from error
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(content)
+        os.chmod(name, 0o666 & ~_umask())  # mkstemp makes files that only their owner can read
+        os.replace(name, path)
+    except OSError as error:
+        raise UsageError(f"{path}: cannot be written ({error.strerror}); choose another place") from error
+    finally:
+        Path(name).unlink(missing_ok=True)
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
