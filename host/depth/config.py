@@ -12,11 +12,13 @@ class DepthConfig:
     # how far the poses are to be trusted where they do not say so themselves
     travel_sigma_cm: float = 0.02  # of one reading of the travelled distance
     rotation_sigma_rad: float = 0.0001  # of the rotation from one frame to the next
+    rotation_sigma_share: float = 0.01  # of a rotation itself: calibration of lens and odometry
+    timing_sigma_s: float = 0.004  # between a frame and its pose; a rolling shutter counts
     min_step_cm: float = 0.3  # a frame nearer than this to the last one kept adds nothing and is not kept
 
     # when to answer at all
     min_change: float = 0.015  # relative change of size or bearing that a baseline must cause
-    max_relative_sigma: float = 0.4  # a depth worse than this is declined
+    max_relative_sigma: float = 0.3  # a depth worse than this is declined
 
     # area
     area_history: int = 32  # frames kept for each region

@@ -9,7 +9,7 @@ import numpy as np
 from host.camera.lens import Lens
 from host.depth.config import DepthConfig
 from host.depth.motion import Station, most_redundant
-from host.rbdn.snapshot import OUTSIDE, Contour
+from host.rbdn.snapshot import OUTSIDE, Contour, Region
 
 DIRECTIONS = 4  # outlines are filed by direction, every 45 degrees
 CELL_PX = 2  # side of a cell of the look-up map
@@ -46,6 +46,30 @@ def usable_outline(contour: Contour, lens: Lens, border_px: float) -> Outline:
 
 
 @dataclass(frozen=True)
+class Faces:
+    """Who the regions of a frame are and what they look like."""
+
+    ids: np.ndarray  # (R,)
+    rgb: np.ndarray  # (R, 3) 0..255
+
+
+def faces_of(regions: tuple[Region, ...]) -> Faces:
+    """Ids and colours of the regions, row by row."""
+    return Faces(
+        np.array([r.id for r in regions], np.int64), np.array([r.mean_rgb for r in regions]).reshape(-1, 3)
+    )
+
+
+def rows_of(wanted: np.ndarray, ids: np.ndarray) -> np.ndarray:
+    """Row of each wanted id in `ids`, -1 where it is not there."""
+    if len(ids) == 0:
+        return np.full(len(wanted), -1)
+    order = np.argsort(ids)
+    at = order[np.minimum(np.searchsorted(ids[order], wanted), len(ids) - 1)]
+    return np.where(ids[at] == wanted, at, -1)
+
+
+@dataclass(frozen=True)
 class Match:
     """Contour samples of earlier frames nearest to asked points; every array of the question's shape."""
 
@@ -53,6 +77,8 @@ class Match:
     y_px: np.ndarray
     normal_x: np.ndarray
     normal_y: np.ndarray
+    left: np.ndarray  # row of the region on either side among those of its keyframe
+    right: np.ndarray
     found: np.ndarray  # bool
 
 
@@ -75,6 +101,8 @@ class Keyframes:
         # row of the sample nearest to each cell, for each slot and direction; -1 where there is none
         self._index = np.full(self._limit * DIRECTIONS * self._rows * self._columns, -1, np.int32)
         self._table = np.zeros((4, self._limit * SAMPLES))  # x, y, normal x, normal y; SAMPLES rows a slot
+        self._sides = np.zeros((2, self._limit * SAMPLES), np.int64)  # rows of left and right region
+        self._faces = [Faces(np.zeros(0, np.int64), np.zeros((0, 3)))] * self._limit
         self._offsets = self._nearest_last()
 
     def _nearest_last(self) -> list[int]:
@@ -83,7 +111,12 @@ class Keyframes:
         steps = [(dx * dx + dy * dy, dy * self._columns + dx) for dy in span for dx in span]
         return [at for d2, at in sorted(steps, reverse=True) if d2 <= REACH_CELLS**2]
 
-    def add(self, outline: Outline, station: Station) -> None:
+    @property
+    def faces(self) -> list[Faces]:
+        """Regions of the kept frames, in the order of `stations`."""
+        return [self._faces[slot] for slot in self._slots]
+
+    def add(self, outline: Outline, faces: Faces, station: Station) -> None:
         """Keep a frame; when there are too many, the one missed least goes."""
         if len(self.stations) == self._limit:
             positions = np.array([s.pose.position_cm for s in self.stations])
@@ -94,9 +127,10 @@ class Keyframes:
             slot = len(self.stations)
         self.stations.append(station)
         self._slots.append(slot)
-        self._paint(slot, outline)
+        self._faces[slot] = faces
+        self._paint(slot, outline, faces.ids)
 
-    def _paint(self, slot: int, outline: Outline) -> None:
+    def _paint(self, slot: int, outline: Outline, ids: np.ndarray) -> None:
         cells = self._rows * self._columns
         layers = self._index[slot * DIRECTIONS * cells : (slot + 1) * DIRECTIONS * cells]
         layers[:] = -1
@@ -106,6 +140,8 @@ class Keyframes:
         first = slot * SAMPLES
         self._table[:2, first : first + len(xy)] = xy.T
         self._table[2:, first : first + len(xy)] = normal.T
+        self._sides[0, first : first + len(xy)] = rows_of(outline.left[thin], ids)
+        self._sides[1, first : first + len(xy)] = rows_of(outline.right[thin], ids)
         cell = np.rint(xy / CELL_PX).astype(np.int64) + REACH_CELLS
         low, high = REACH_CELLS, np.array([self._columns, self._rows]) - 1 - REACH_CELLS
         inside = ((cell >= low) & (cell <= high)).all(axis=1)
@@ -134,4 +170,5 @@ class Keyframes:
         at = self._index.take((layer * self._rows + row) * self._columns + column)
         found = inside & (at >= 0)
         x, y, nx, ny = (table.take(at, mode="clip") for table in self._table)
-        return Match(x, y, nx, ny, found)
+        left, right = (table.take(at, mode="clip") for table in self._sides)
+        return Match(x, y, nx, ny, left, right, found)

@@ -20,17 +20,20 @@ class Station:
     travel_variance_cm2: float  # of the distance driven so far, grows along the path
     reading_variance_cm2: float  # of this one reading, independent of the others
     rotation_variance_rad2: float  # accumulated from frame to frame
+    timing_variance_rad2: float  # of this rotation, because the frame's time is not exactly the pose's
 
 
 def first_station(seq: int, pose: Pose, config: DepthConfig) -> Station:
     """Where the run begins. The first pose's sigma is what a single reading is worth."""
     reading = max(config.travel_sigma_cm, pose.sigma_z_cm) ** 2
-    return Station(seq, pose, 0.0, pose.sigma_z_cm**2, reading, 0.0)
+    return Station(seq, pose, 0.0, pose.sigma_z_cm**2, reading, 0.0, 0.0)
 
 
 def next_station(last: Station, seq: int, pose: Pose, config: DepthConfig) -> Station:
     """The station after `last`."""
     step_cm = float(np.linalg.norm(pose.position_cm - last.pose.position_cm))
+    dt_s = pose.t_s - last.pose.t_s
+    rate = turn_rad(last.pose, pose) / dt_s if dt_s > 0 else 0.0
     step_rotation = max(config.rotation_sigma_rad, pose.sigma_rot_rad) ** 2
     return Station(
         seq,
@@ -39,6 +42,7 @@ def next_station(last: Station, seq: int, pose: Pose, config: DepthConfig) -> St
         max(last.travel_variance_cm2, pose.sigma_z_cm**2),
         last.reading_variance_cm2,
         last.rotation_variance_rad2 + step_rotation,
+        (rate * config.timing_sigma_s) ** 2,
     )
 
 
@@ -48,9 +52,16 @@ def travel_sigma_cm(a: Station, b: Station) -> float:
     return float(np.sqrt(grown + a.reading_variance_cm2 + b.reading_variance_cm2))
 
 
-def rotation_sigma_rad(a: Station, b: Station) -> float:
+def turn_rad(a: Pose, b: Pose) -> float:
+    """Angle between the orientations of two poses."""
+    return float(np.arccos(np.clip((np.trace(a.rotation.T @ b.rotation) - 1) / 2, -1, 1)))
+
+
+def rotation_sigma_rad(a: Station, b: Station, config: DepthConfig) -> float:
     """Standard error of the rotation between two stations."""
-    return float(np.sqrt(abs(a.rotation_variance_rad2 - b.rotation_variance_rad2)))
+    grown = abs(a.rotation_variance_rad2 - b.rotation_variance_rad2)
+    scaled = (config.rotation_sigma_share * turn_rad(a.pose, b.pose)) ** 2
+    return float(np.sqrt(grown + scaled + a.timing_variance_rad2 + b.timing_variance_rad2))
 
 
 def most_redundant(positions_cm: np.ndarray, present_cm: np.ndarray) -> int:

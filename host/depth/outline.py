@@ -21,7 +21,7 @@ import numpy as np
 
 from host.camera.lens import Lens
 from host.depth.config import DepthConfig
-from host.depth.keyframes import Keyframes, Outline, direction_of, usable_outline
+from host.depth.keyframes import Keyframes, Outline, direction_of, faces_of, rows_of, usable_outline
 from host.depth.motion import Station, rotation_sigma_rad, travel_sigma_cm
 from host.depth.ownership import edge_owners
 from host.depth.polygon import polygon_moments
@@ -30,15 +30,20 @@ from host.depth.surface import FLAT, may_be_one_face, relief_of
 from host.rbdn.snapshot import Region, Snapshot
 
 TRIALS = 40  # inverse depths looked at, log-spaced
-TRIAL_POINTS = 24  # samples of each region looked at
+TRIAL_POINTS = 12  # samples of each region looked at
 TRIAL_GATE_PX = 2.5
 GATES_PX = (5.0, 3.5, 2.5)  # residuals beyond are not used; shrinks as the fit settles
 REFITS = 3  # passes of robust weighting between two looks at the earlier outlines
 TUKEY = 4.7
 LIKE_NORMAL = 0.8  # cosine between a sample's normal and its match's
+LIKE_RGB = 40.0  # distance of mean colours below which two regions may be the same
 ALONG_PX = 3.0  # a match may lie so far along the outline
 MIN_OWN_PX = 20.0  # of outline that is the region's own
 MIN_OWN_SHARE = 0.25  # of its outline within the image
+MIN_FOUND = 0.2  # of its own outline over all kept frames
+MIN_CONTRAST = 0.15  # of a wrong depth's cost above the best
+MIN_RIVAL = 0.05  # of another dip's cost above the best
+RIVAL_RISE = 0.05  # by which the cost must rise between two dips
 MIN_SHIFT_PX = 0.3  # by which the outline must have moved over the image
 WHOLE_SHARE = 0.9  # of its outline that must be its own for the shape to say something
 PLANE_CHI2 = 12.0  # a slope is believed when so far from zero in units of its variance
@@ -66,6 +71,15 @@ class _Sides:
     base: np.ndarray  # (3, K, N) components of R_k p
     normal: np.ndarray  # (2, K, N) the normal, turned with the camera
     direction: np.ndarray  # (K, N) as the keyframes file it
+
+
+@dataclass(frozen=True)
+class _Scan:
+    """The best of many trial depths of every region, and how clearly it is the best."""
+
+    rho: np.ndarray  # (R,) 1/cm
+    contrast: np.ndarray  # (R,) cost of a wrong depth above that of the best, 0..1
+    rival: np.ndarray  # (R,) cost of the next best that is apart from it, above the best; inf without one
 
 
 @dataclass(frozen=True)
@@ -108,7 +122,7 @@ class OutlineMethod:
         if not kept or (
             np.linalg.norm(station.pose.position_cm - kept[-1].pose.position_cm) >= self._config.min_step_cm
         ):
-            self._keyframes.add(outline, station)
+            self._keyframes.add(outline, faces_of(snapshot.regions), station)
         return answers
 
     def _answers(
@@ -119,12 +133,14 @@ class OutlineMethod:
         self._shift = np.array([t for _, t in motions]).reshape(-1, 3)
         if not (np.linalg.norm(self._shift, axis=1) >= self._config.min_step_cm).any():
             return {r.id: Declined("no motion yet") for r in regions}
+        self._alike = self._alike_regions(regions)
         middle = np.array([polygon_moments(r.loops)[1] for r in regions]).reshape(-1, 2)
         sides, pairs = self._sides(regions, outline, middle, [r for r, _ in motions])
         if len(sides.region) == 0:
             return {r.id: Declined("no outline to measure") for r in regions}
         n = len(regions)
-        rho = self._scan(sides, n)
+        scan = self._scan(sides, n)
+        rho = scan.rho
         flat = np.zeros((n, 2))
         everyone = np.ones(len(sides.region))
         for gate in GATES_PX:
@@ -159,21 +175,25 @@ class OutlineMethod:
             r.id: float(s) for r, s, known in zip(regions, shares, length > 0, strict=True) if known
         }
         return {
-            region.id: self._answer(i, region, float(width_px[i]), station, sides, own, fit, tilted)
+            region.id: self._answer(i, region, float(width_px[i]), station, sides, own, scan, fit, tilted)
             for i, region in enumerate(regions)
         }
+
+    def _alike_regions(self, regions: tuple[Region, ...]) -> np.ndarray:
+        """(K, R, M) whether a present region may be what a region of a keyframe was: its id or its colour."""
+        now, kept = faces_of(regions), self._keyframes.faces
+        widest = max(len(k.ids) for k in kept)
+        alike = np.zeros((len(kept), len(regions), widest), bool)
+        for k, then in enumerate(kept):
+            apart = np.linalg.norm(now.rgb[:, None] - then.rgb[None], axis=2)
+            alike[k, :, : len(then.ids)] = (now.ids[:, None] == then.ids) | (apart < LIKE_RGB)
+        return alike
 
     def _sides(
         self, regions: tuple[Region, ...], outline: Outline, middle: np.ndarray, turns: list[np.ndarray]
     ) -> tuple[_Sides, np.ndarray]:
         ids = np.array([r.id for r in regions], np.int64)
-        order = np.argsort(ids)
-
-        def index_of(wanted: np.ndarray) -> np.ndarray:
-            at = order[np.minimum(np.searchsorted(ids[order], wanted), len(ids) - 1)]
-            return np.where(ids[at] == wanted, at, -1)
-
-        left, right = index_of(outline.left), index_of(outline.right)
+        left, right = rows_of(outline.left, ids), rows_of(outline.right, ids)
         known = np.nonzero((left >= 0) & (right >= 0))[0]
         keys, pair = np.unique(left[known] * len(ids) + right[known], return_inverse=True)
         pairs = np.column_stack([keys // len(ids), keys % len(ids)])
@@ -207,7 +227,14 @@ class OutlineMethod:
         return sides, pairs
 
     def _project(
-        self, base: np.ndarray, normal: np.ndarray, direction: np.ndarray, which: np.ndarray, rho: np.ndarray
+        self,
+        base: np.ndarray,
+        normal: np.ndarray,
+        direction: np.ndarray,
+        which: np.ndarray,
+        rho: np.ndarray,
+        region: np.ndarray,
+        side: np.ndarray,
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Residual along the normal (px), its derivative by rho, and whether there is a match."""
         tx, ty, tz = self._shift[which].transpose(2, 0, 1)
@@ -229,35 +256,53 @@ class OutlineMethod:
         residual = dx * nx + dy * ny
         along = dx * ny - dy * nx
         good = before & match.found & (cosine > LIKE_NORMAL) & (np.abs(along) < ALONG_PX)
+        # the region itself must lie on the same side of the edge; what lies beyond may have changed
+        inner = np.where((side == 0) == (sense > 0), match.left, match.right)
+        _, present, widest = self._alike.shape
+        good &= self._alike.take((which * present + region) * widest + inner, mode="clip") & (inner >= 0)
         gain = ((tx - x * tz) * (fx * nx) + (ty - y * tz) * (fy * ny)) * inverse
         return residual, gain, good
 
-    def _scan(self, sides: _Sides, n: int) -> np.ndarray:
-        """The best of log-spaced inverse depths for each region, in the farthest and a middle frame."""
+    def _scan(self, sides: _Sides, n: int) -> _Scan:
+        """Try log-spaced inverse depths on a few samples of each region."""
         c = self._config
         trials = 1 / np.geomspace(c.nearest_cm, c.farthest_cm, TRIALS)
         count = np.bincount(sides.region, minlength=n)
         stride = np.maximum(count // TRIAL_POINTS, 1)
         pick = np.nonzero(_rank_within(sides.region, count) % stride[sides.region] == 0)[0]
-        order = np.argsort(np.linalg.norm(self._shift, axis=1))
-        frames = np.unique([order[-1], order[len(order) // 2]])
-        at = np.ix_(frames, pick)
+        frames = np.arange(len(self._shift))[:, None]
         residual, _, good = self._project(
-            sides.base[(slice(None), *at)][:, None],
-            sides.normal[(slice(None), *at)][:, None],
-            sides.direction[at],
-            frames[:, None],
+            sides.base[:, None, :, pick],
+            sides.normal[:, None, :, pick],
+            sides.direction[:, pick],
+            frames,
             trials[:, None, None],
+            sides.region[pick],
+            sides.side[pick],
         )
         cost = np.where(good, np.minimum((residual / TRIAL_GATE_PX) ** 2, 1.0), 1.0).sum(axis=1)
         table = np.stack([np.bincount(sides.region[pick], row, n) for row in cost])
-        return trials[np.argmin(table, axis=0)]
+        cost = table / np.maximum(np.bincount(sides.region[pick], minlength=n) * len(self._shift), 1)
+        best = np.argmin(cost, axis=0)
+        lowest = cost.min(axis=0)
+        # a rival is a dip beyond a rise of the cost, seen from the best trial
+        nearer = np.arange(TRIALS)[:, None] <= best
+        rise = np.where(
+            nearer,
+            np.maximum.accumulate(np.where(nearer, cost, 0.0)[::-1], axis=0)[::-1],
+            np.maximum.accumulate(np.where(nearer, 0.0, cost), axis=0),
+        )
+        rival = np.where(rise - cost > RIVAL_RISE, cost, np.inf).min(axis=0)
+        return _Scan(trials[best], np.quantile(cost, 0.9, axis=0) - lowest, rival - lowest)
 
     def _look(self, sides: _Sides, rho: np.ndarray, slope: np.ndarray) -> _Look:
         local = rho[sides.region] + slope[sides.region, 0] * sides.offset[:, 0]
         local += slope[sides.region, 1] * sides.offset[:, 1]
         which = np.arange(len(sides.direction))[:, None]
-        return _Look(local, *self._project(sides.base, sides.normal, sides.direction, which, local))
+        look = self._project(
+            sides.base, sides.normal, sides.direction, which, local, sides.region, sides.side
+        )
+        return _Look(local, *look)
 
     def _fit(
         self,
@@ -317,6 +362,7 @@ class OutlineMethod:
         station: Station,
         sides: _Sides,
         own: np.ndarray,
+        scan: _Scan,
         fit: _Fit,
         tilted: _Fit,
     ) -> OutlineDepth | Declined:
@@ -328,8 +374,13 @@ class OutlineMethod:
         if not mine.any():
             return Declined("its outline belongs to nearer regions")
         found_px = float((mine * length * (fit.weight[:, rows].max(axis=0) > 0.1)).sum())
-        if found_px < max(MIN_OWN_PX, MIN_OWN_SHARE * length.sum()):
+        found = float(fit.weight[:, rows].sum() / (mine.sum() * len(fit.weight)))
+        if found_px < max(MIN_OWN_PX, MIN_OWN_SHARE * length.sum()) or found < MIN_FOUND:
             return Declined("too little of its outline was found again")
+        if scan.contrast[i] < MIN_CONTRAST:
+            return Declined("many depths fit its outline alike")
+        if scan.rival[i] < MIN_RIVAL:
+            return Declined("two depths fit its outline")
         # the common unknown of each sample is part of what one px of residual is worth
         used = fit
         slope = tilted.slope[i]
@@ -374,7 +425,9 @@ class OutlineMethod:
         travel = np.array([travel_sigma_cm(station, s) for s in stations])
         reach = np.maximum(np.linalg.norm(self._shift, axis=1), 1e-9)
         # a turn shifts the whole frame; an outline all round a thing feels little of it
-        turn_px = np.array([rotation_sigma_rad(station, s) for s in stations]) * self._focal.mean()
+        turn_px = (
+            np.array([rotation_sigma_rad(station, s, self._config) for s in stations]) * self._focal.mean()
+        )
         pull = np.hypot(*(weight * gain * normal).sum(axis=2)) / np.maximum(evidence, 1e-12) / rho
         return float((share * ((travel / reach) ** 2 + (pull * turn_px) ** 2)).sum())
 

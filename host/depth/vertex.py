@@ -82,7 +82,7 @@ class VertexMethod:
             turn.append(r)
             shift.append(t)
             odometry.append((travel_sigma_cm(now.station, then.station) / (np.linalg.norm(t) + 1e-9)) ** 2)
-            rotation.append(rotation_sigma_rad(now.station, then.station) ** 2)
+            rotation.append(rotation_sigma_rad(now.station, then.station, self._config) ** 2)
         q, w = np.stack(seen, 1), np.stack(weight, 1)  # (N, K, 2), (N, K)
         turns, shifts = np.array(turn), np.array(shift)
         rho = _linear_start(rays, q, w, turns, shifts)
