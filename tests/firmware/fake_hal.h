@@ -1,0 +1,23 @@
+// Hardware for tests: hal.h answered from plain variables, everything put out kept for inspection.
+#ifndef FAKE_HAL_H
+#define FAKE_HAL_H
+
+#include "drive.h" // DRIVE_SIDES
+#include "hal.h"   // what is answered
+
+struct hal {
+    uint8_t pins[DRIVE_SIDES];
+    int16_t duty[DRIVE_SIDES];
+    unsigned motor_calls;    // of hal_motor_set()
+    unsigned interrupts_off; // depth now
+    uint16_t uart_room;      // bytes that may still be put
+    uint8_t uart[65536];     // bytes put
+    unsigned uart_size;
+    uint16_t uart_lost;
+    uint16_t battery_mv;
+    bool estop_pressed;
+    uint8_t reset_cause;
+    uint32_t boot_nonce;
+};
+
+#endif

@@ -1,0 +1,469 @@
+// Specification of robot.c: what the firmware does at start, for each message, and every tick.
+#include <setjmp.h> // cmocka
+#include <stdarg.h> // cmocka
+#include <stddef.h> // cmocka
+#include <stdint.h> // cmocka
+
+#include <cmocka.h> // the test framework
+#include <string.h> // memset
+
+#include "fake_hal.h" // hardware of variables
+#include "messages.h" // what is said on the line
+#include "robot.h"    // what is specified here
+
+#define NONCE 0xB0071234u
+
+static struct {
+    struct hal hal;
+    struct robot robot;
+    uint8_t seq;
+    uint32_t now_us;
+    unsigned read; // bytes of hal.uart already looked at
+} rig;
+
+// --- A host ----------------------------------------------------------------------------------------
+
+// The frame of any message, which link_send() cannot make: it knows only the robot's own direction.
+static unsigned frame_of(uint8_t *wire, uint8_t id, uint8_t seq, const uint8_t *payload, uint8_t size)
+{
+    uint8_t raw[64] = {id, seq};
+    for (uint8_t i = 0; i < size; i++)
+        raw[2 + i] = payload[i];
+    msg_put_u32(raw + 2 + size, link_crc32c(raw, (uint8_t)(2 + size)));
+    unsigned code = 0, at = 1;
+    for (unsigned i = 0; i < size + LINK_OVERHEAD; i++) {
+        if (raw[i] == 0) {
+            wire[code] = (uint8_t)(at - code);
+            code = at++;
+        } else {
+            wire[at++] = raw[i];
+        }
+    }
+    wire[code] = (uint8_t)(at - code);
+    wire[at++] = 0;
+    return at;
+}
+
+static void tell(uint8_t id, const uint8_t *payload, uint8_t size)
+{
+    uint8_t wire[80];
+    unsigned length = frame_of(wire, id, rig.seq++, payload, size);
+    for (unsigned i = 0; i < length; i++)
+        robot_receive_byte(&rig.robot, wire[i], rig.now_us);
+}
+
+static void tell_hello(uint32_t schema_hash)
+{
+    struct msg_hello_request request = {.protocol_version = PROTOCOL_VERSION, .schema_hash = schema_hash};
+    uint8_t payload[MSG_HELLO_REQUEST_SIZE];
+    msg_hello_request_encode(&request, payload);
+    tell(MSG_HELLO_REQUEST, payload, sizeof payload);
+}
+
+static void tell_drive(int16_t v_mm_s, int16_t omega_mrad_s)
+{
+    struct msg_drive drive = {v_mm_s, omega_mrad_s, rig.now_us + DEAD_MAN_US};
+    uint8_t payload[MSG_DRIVE_SIZE];
+    msg_drive_encode(&drive, payload);
+    tell(MSG_DRIVE, payload, sizeof payload);
+}
+
+static void tell_clear(uint32_t nonce)
+{
+    struct msg_clear clear = {.boot_nonce = nonce};
+    uint8_t payload[MSG_CLEAR_SIZE];
+    msg_clear_encode(&clear, payload);
+    tell(MSG_CLEAR, payload, sizeof payload);
+}
+
+// The next message the robot has sent; its id, or 0 when there is none. Fails on a broken frame.
+static uint8_t hear(uint8_t *payload)
+{
+    if (rig.read == rig.hal.uart_size)
+        return 0;
+    uint8_t raw[80];
+    unsigned size = 0;
+    while (rig.hal.uart[rig.read] != 0) {
+        uint8_t code = rig.hal.uart[rig.read++];
+        if (size > 0)
+            raw[size++] = 0;
+        while (--code > 0)
+            raw[size++] = rig.hal.uart[rig.read++];
+        if (size == 0 && rig.hal.uart[rig.read] != 0)
+            fail_msg("a frame does not begin with a zero");
+    }
+    rig.read++;
+    assert_true(size >= LINK_OVERHEAD);
+    uint8_t checked = (uint8_t)(size - 4);
+    assert_int_equal(link_crc32c(raw, checked), msg_get_u32(raw + checked));
+    memcpy(payload, raw + 2, checked - 2u);
+    return raw[0];
+}
+
+// Passes over what else was sent.
+static void expect_heard(uint8_t id, uint8_t *payload)
+{
+    for (uint8_t heard = hear(payload); heard != id; heard = hear(payload))
+        assert_int_not_equal(heard, 0);
+}
+
+static void expect_nack(uint8_t message, uint8_t reason)
+{
+    uint8_t payload[64];
+    struct msg_nack nack;
+    expect_heard(MSG_NACK, payload);
+    msg_nack_decode(&nack, payload);
+    assert_int_equal(nack.message, message);
+    assert_int_equal(nack.seq, (uint8_t)(rig.seq - 1));
+    assert_int_equal(nack.reason, reason);
+}
+
+static struct msg_telemetry latest_telemetry(void)
+{
+    uint8_t payload[64];
+    struct msg_telemetry telemetry;
+    memset(&telemetry, 0xFF, sizeof telemetry);
+    for (uint8_t id = hear(payload); id != 0; id = hear(payload)) {
+        if (id == MSG_TELEMETRY)
+            msg_telemetry_decode(&telemetry, payload);
+    }
+    return telemetry;
+}
+
+static void ticks(unsigned count)
+{
+    while (count-- > 0) {
+        rig.now_us += ROBOT_TICK_US;
+        robot_tick(&rig.robot, rig.now_us);
+    }
+}
+
+static void turn(uint8_t side, int counts)
+{
+    static const uint8_t forward_pins[4] = {0, 1, 3, 2};
+    static unsigned position[DRIVE_SIDES];
+    while (counts != 0) {
+        position[side] += counts > 0 ? 1u : (unsigned)-1;
+        counts += counts > 0 ? -1 : 1;
+        robot_encoder_edge(&rig.robot, side, forward_pins[position[side] & 3],
+                           (uint16_t)(rig.now_us / ENCODER_STAMP_US));
+    }
+    rig.hal.pins[side] = forward_pins[position[side] & 3];
+}
+
+static int start(void **state)
+{
+    (void)state;
+    uint8_t pins[DRIVE_SIDES] = {rig.hal.pins[DRIVE_LEFT], rig.hal.pins[DRIVE_RIGHT]};
+    memset(&rig, 0, sizeof rig);
+    rig.hal.pins[DRIVE_LEFT] = pins[DRIVE_LEFT];
+    rig.hal.pins[DRIVE_RIGHT] = pins[DRIVE_RIGHT];
+    rig.hal.duty[DRIVE_LEFT] = rig.hal.duty[DRIVE_RIGHT] = 12345; // as if left over from before the reset
+    rig.hal.uart_room = UINT16_MAX;
+    rig.hal.battery_mv = 7400;
+    rig.hal.reset_cause = RESET_BROWN_OUT;
+    rig.hal.boot_nonce = NONCE;
+    robot_init(&rig.robot, &rig.hal, &robot_params_default);
+    return 0;
+}
+
+static int session(void **state)
+{
+    start(state);
+    tell_hello(SCHEMA_HASH);
+    return 0;
+}
+
+static int driving(void **state)
+{
+    session(state);
+    tell_drive(200, 0);
+    ticks(20);
+    return 0;
+}
+
+static void expect_motors_off(void)
+{
+    assert_int_equal(rig.hal.duty[DRIVE_LEFT], 0);
+    assert_int_equal(rig.hal.duty[DRIVE_RIGHT], 0);
+}
+
+// --- Start -----------------------------------------------------------------------------------------
+
+static void the_motors_are_off_before_anything_else_happens(void **state)
+{
+    (void)state;
+    expect_motors_off();
+    ticks(1000);
+    expect_motors_off();
+}
+
+static void hello_is_said_unasked_after_a_start(void **state)
+{
+    (void)state;
+    uint8_t payload[64];
+    struct msg_hello hello;
+    assert_int_equal(hear(payload), MSG_HELLO);
+    msg_hello_decode(&hello, payload);
+    assert_int_equal(hello.protocol_version, PROTOCOL_VERSION);
+    assert_int_equal(hello.schema_hash, SCHEMA_HASH);
+    assert_int_equal(hello.reset_cause, RESET_BROWN_OUT);
+    assert_int_equal(hello.boot_nonce, NONCE);
+    assert_int_equal(hear(payload), 0);
+}
+
+static void a_wheel_standing_at_any_pins_starts_with_no_count_and_no_fault(void **state)
+{
+    for (int i = 0; i < 4; i++) {
+        start(state);
+        robot_encoder_edge(&rig.robot, DRIVE_LEFT, rig.hal.pins[DRIVE_LEFT], 0);
+        ticks(2);
+        struct msg_telemetry telemetry = latest_telemetry();
+        assert_int_equal(telemetry.count_left, 0);
+        assert_int_equal(telemetry.illegal_left, 0);
+        turn(DRIVE_LEFT, 1);
+    }
+}
+
+// --- Messages --------------------------------------------------------------------------------------
+
+static void hello_is_answered_and_opens_the_way_to_driving(void **state)
+{
+    (void)state;
+    uint8_t payload[64];
+    tell_drive(200, 0);
+    expect_nack(MSG_DRIVE, REFUSED_NO_SESSION);
+    tell_hello(SCHEMA_HASH);
+    assert_int_equal(hear(payload), MSG_HELLO);
+    tell_drive(200, 0);
+    ticks(1);
+    assert_true(rig.hal.duty[DRIVE_LEFT] > 0);
+    assert_true(rig.hal.duty[DRIVE_RIGHT] > 0);
+}
+
+static void a_foreign_host_hears_who_this_is_and_that_it_was_refused(void **state)
+{
+    (void)state;
+    uint8_t payload[64];
+    assert_int_equal(hear(payload), MSG_HELLO); // of the start
+    tell_hello(SCHEMA_HASH + 1);
+    assert_int_equal(hear(payload), MSG_HELLO);
+    expect_nack(MSG_HELLO_REQUEST, REFUSED_SCHEMA);
+}
+
+static void ping_is_answered_with_its_own_number_and_the_time_it_came(void **state)
+{
+    (void)state;
+    uint8_t payload[64];
+    struct msg_ping ping = {.host_time_us = 0xDEADBEEF};
+    struct msg_pong pong;
+    msg_ping_encode(&ping, payload);
+    rig.now_us = 123456;
+    tell(MSG_PING, payload, MSG_PING_SIZE);
+    expect_heard(MSG_PONG, payload);
+    msg_pong_decode(&pong, payload);
+    assert_int_equal(pong.host_time_us, 0xDEADBEEF);
+    assert_int_equal(pong.mcu_time_us, 123456);
+}
+
+static void the_last_byte_of_an_estop_has_zeroed_the_motors(void **state)
+{
+    (void)state;
+    assert_true(rig.hal.duty[DRIVE_LEFT] > 0);
+    tell(MSG_ESTOP, NULL, 0);
+    expect_motors_off(); // no tick in between
+    ticks(2);
+    expect_motors_off();
+    struct msg_telemetry telemetry = latest_telemetry();
+    assert_int_equal(telemetry.state, STATE_FAULT);
+    assert_int_equal(telemetry.fault, FAULT_ESTOP_FRAME);
+    tell_drive(200, 0);
+    expect_nack(MSG_DRIVE, REFUSED_FAULT_LATCHED);
+    ticks(1);
+    expect_motors_off();
+}
+
+static void an_estop_needs_no_session_and_no_order(void **state)
+{
+    (void)state;
+    rig.seq = (uint8_t)(rig.seq - 2); // an old sequence number
+    tell(MSG_ESTOP, NULL, 0);
+    expect_motors_off();
+    assert_int_equal(rig.robot.supervisor.fault, FAULT_ESTOP_FRAME);
+}
+
+static void clear_with_the_right_nonce_allows_driving_again(void **state)
+{
+    (void)state;
+    tell(MSG_ESTOP, NULL, 0);
+    tell_clear(NONCE + 1);
+    expect_nack(MSG_CLEAR, REFUSED_BAD_NONCE);
+    tell_clear(NONCE);
+    ticks(1);
+    expect_motors_off();
+    tell_drive(200, 0);
+    ticks(1);
+    assert_true(rig.hal.duty[DRIVE_LEFT] > 0);
+}
+
+static void stop_brakes_at_once(void **state)
+{
+    (void)state;
+    tell(MSG_STOP, NULL, 0);
+    expect_motors_off();
+    ticks(1);
+    expect_motors_off();
+}
+
+static void a_repeated_drive_is_not_obeyed_twice(void **state)
+{
+    (void)state;
+    uint8_t seq = rig.seq;
+    for (int i = 0; i < 60; i++) {
+        rig.seq = seq; // a babbling repeater
+        tell_drive(200, 0);
+        ticks(1);
+    }
+    expect_motors_off();
+    assert_int_equal(latest_telemetry().fault, FAULT_LINK_LOST);
+}
+
+// --- Tick ------------------------------------------------------------------------------------------
+
+static void omega_to_the_right_drives_the_left_wheel_harder(void **state)
+{
+    (void)state;
+    tell_drive(0, 1000);
+    ticks(10);
+    assert_true(rig.hal.duty[DRIVE_LEFT] > 0);
+    assert_true(rig.hal.duty[DRIVE_RIGHT] < 0);
+}
+
+static void the_start_is_a_ramp(void **state)
+{
+    (void)state;
+    tell_drive(500, 0);
+    int16_t before = 0;
+    for (int tick = 0; tick < 20; tick++) {
+        ticks(1);
+        assert_true(rig.hal.duty[DRIVE_LEFT] > before);
+        before = rig.hal.duty[DRIVE_LEFT];
+    }
+}
+
+static void silence_turns_the_motors_off_by_200_ms_and_one_tick(void **state)
+{
+    (void)state;
+    tell_drive(200, 0);
+    ticks(39);
+    assert_true(rig.hal.duty[DRIVE_LEFT] > 0);
+    ticks(1);
+    expect_motors_off();
+    assert_int_equal(latest_telemetry().fault, FAULT_LINK_LOST);
+    tell_clear(NONCE);
+    ticks(1);
+    expect_motors_off(); // the old setpoint and its ramp are gone
+}
+
+static void the_button_works_without_a_link(void **state)
+{
+    (void)state;
+    rig.hal.estop_pressed = true;
+    ticks(1);
+    expect_motors_off();
+    ticks(1);
+    assert_int_equal(latest_telemetry().fault, FAULT_ESTOP_BUTTON);
+}
+
+static void telemetry_leaves_100_times_a_second_and_link_status_5_times(void **state)
+{
+    (void)state;
+    uint8_t payload[64];
+    unsigned heard[256] = {0};
+    for (int tick = 0; tick < 200; tick++) {
+        ticks(1);
+        rig.hal.uart_room = UINT16_MAX;
+        for (uint8_t id = hear(payload); id != 0; id = hear(payload))
+            heard[id]++;
+        rig.hal.uart_size = rig.read = 0;
+    }
+    assert_int_equal(heard[MSG_TELEMETRY], 100);
+    assert_int_equal(heard[MSG_LINK_STATUS], 5);
+}
+
+static void telemetry_tells_what_holds_at_its_time(void **state)
+{
+    (void)state;
+    turn(DRIVE_LEFT, 7);
+    turn(DRIVE_RIGHT, -3);
+    robot_encoder_edge(&rig.robot, DRIVE_RIGHT, rig.hal.pins[DRIVE_RIGHT] ^ 3, 0);
+    tell_drive(200, 1000);
+    ticks(2);
+    struct msg_telemetry telemetry = latest_telemetry();
+    assert_int_equal(telemetry.mcu_time_us, rig.now_us);
+    assert_int_equal(telemetry.state, STATE_DRIVING);
+    assert_int_equal(telemetry.fault, FAULT_NONE);
+    assert_int_equal(telemetry.count_left, 7);
+    assert_int_equal(telemetry.count_right, -3);
+    assert_int_equal(telemetry.edge_age_left_us, 2 * ROBOT_TICK_US);
+    assert_int_equal(telemetry.illegal_left, 0);
+    assert_int_equal(telemetry.illegal_right, 1);
+    assert_int_equal(telemetry.duty_left_permille, rig.hal.duty[DRIVE_LEFT] * 1000 / 32767);
+    assert_int_equal(telemetry.duty_right_permille, rig.hal.duty[DRIVE_RIGHT] * 1000 / 32767);
+    assert_int_equal(telemetry.battery_mv, 7400);
+    assert_int_equal(telemetry.boot_nonce, NONCE);
+    assert_int_equal(telemetry.drive_seq, (uint8_t)(rig.seq - 1));
+}
+
+static void a_full_transmit_buffer_costs_messages_and_nothing_else(void **state)
+{
+    (void)state;
+    uint8_t payload[64];
+    struct msg_link_status status;
+    rig.read = rig.hal.uart_size;
+    rig.hal.uart_room = 0;
+    tell_drive(200, 0);
+    ticks(10);
+    assert_true(rig.hal.duty[DRIVE_LEFT] > 0);
+    assert_int_equal(hear(payload), 0);
+    rig.hal.uart_room = UINT16_MAX;
+    rig.hal.uart_lost = 77;
+    ticks(30);
+    expect_heard(MSG_LINK_STATUS, payload);
+    msg_link_status_decode(&status, payload);
+    assert_int_equal(status.tx_dropped, 5);
+    assert_int_equal(status.rx_overrun, 77);
+}
+
+static void interrupts_are_on_again_after_every_tick(void **state)
+{
+    (void)state;
+    ticks(10);
+    assert_int_equal(rig.hal.interrupts_off, 0);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup(the_motors_are_off_before_anything_else_happens, start),
+        cmocka_unit_test_setup(hello_is_said_unasked_after_a_start, start),
+        cmocka_unit_test_setup(a_wheel_standing_at_any_pins_starts_with_no_count_and_no_fault, start),
+        cmocka_unit_test_setup(hello_is_answered_and_opens_the_way_to_driving, start),
+        cmocka_unit_test_setup(a_foreign_host_hears_who_this_is_and_that_it_was_refused, start),
+        cmocka_unit_test_setup(ping_is_answered_with_its_own_number_and_the_time_it_came, start),
+        cmocka_unit_test_setup(the_last_byte_of_an_estop_has_zeroed_the_motors, driving),
+        cmocka_unit_test_setup(an_estop_needs_no_session_and_no_order, driving),
+        cmocka_unit_test_setup(clear_with_the_right_nonce_allows_driving_again, driving),
+        cmocka_unit_test_setup(stop_brakes_at_once, driving),
+        cmocka_unit_test_setup(a_repeated_drive_is_not_obeyed_twice, session),
+        cmocka_unit_test_setup(omega_to_the_right_drives_the_left_wheel_harder, session),
+        cmocka_unit_test_setup(the_start_is_a_ramp, session),
+        cmocka_unit_test_setup(silence_turns_the_motors_off_by_200_ms_and_one_tick, session),
+        cmocka_unit_test_setup(the_button_works_without_a_link, driving),
+        cmocka_unit_test_setup(telemetry_leaves_100_times_a_second_and_link_status_5_times, session),
+        cmocka_unit_test_setup(telemetry_tells_what_holds_at_its_time, session),
+        cmocka_unit_test_setup(a_full_transmit_buffer_costs_messages_and_nothing_else, session),
+        cmocka_unit_test_setup(interrupts_are_on_again_after_every_tick, start),
+    };
+    return cmocka_run_group_tests_name("robot", tests, NULL, NULL);
+}
