@@ -97,6 +97,7 @@ class Robot:
         self._seq = 0
         self._hello: Hello | None = None  # of the open session
         self._offered: Hello | None = None  # the last one received
+        self._offers = 0  # how often in a row that start of the robot said HELLO
         self._robot_clock = RobotClock()
         self._pings: dict[int, float] = {}  # not answered yet: what they carried -> earliest arrival
         self._pinged_s = float("-inf")
@@ -123,6 +124,7 @@ class Robot:
             Nobody answers within `timeout_s`, or somebody with another protocol or schema.
         """
         self._hello = self._offered = self.latest = None
+        self._offers = 0
         self._robot_clock = RobotClock()
         self._pings.clear()
         give_up_s = self._clock.now_s() + timeout_s
@@ -135,6 +137,8 @@ class Robot:
         asked_s = float("-inf")
         while (now_s := self._clock.now_s()) < give_up_s:
             if now_s - asked_s >= ASK_AGAIN_S:
+                # Twice, because a robot says HELLO unasked once, when it starts, and may not have heard us.
+                self._send(HelloRequest(PROTOCOL_VERSION, SCHEMA_HASH))
                 self._send(HelloRequest(PROTOCOL_VERSION, SCHEMA_HASH))
                 asked_s = now_s
             self._clock.sleep_s(STEP_S)
@@ -148,8 +152,8 @@ class Robot:
                     f"and this program protocol {PROTOCOL_VERSION}, schema {SCHEMA_HASH:08x}: "
                     "flash the firmware that belongs to this program"
                 )
-            # A robot that has just started says HELLO before it has heard us: its state tells which it was.
-            if telemetry and telemetry.boot_nonce == hello.boot_nonce and telemetry.state != State.BOOT:
+            current = telemetry and telemetry.boot_nonce == hello.boot_nonce and telemetry.state != State.BOOT
+            if current and self._offers >= 2:
                 return hello
         raise DeviceError(
             "the robot does not answer HELLO: check that it has power, that this is its port, "
@@ -296,6 +300,8 @@ class Robot:
                     if arrived_s is not None:
                         self._robot_clock.add(arrived_s, message.mcu_time_us, now_s - _PONG_S)
                 case Hello():
+                    same = self._offered is not None and self._offered.boot_nonce == message.boot_nonce
+                    self._offers = self._offers + 1 if same else 1
                     self._offered = message
                 case Nack():
                     self.refusals += 1

@@ -55,6 +55,7 @@ class ScriptedRobot:
     protocol_version: int = PROTOCOL_VERSION
     schema_hash: int = SCHEMA_HASH
     answers_ping: bool = True
+    button_pressed: bool = False  # a fault from the start
     nonce: int = 0xC0FFEE
     heard: list[tuple[int, Message]] = field(default_factory=list)
     silent: bool = False
@@ -66,7 +67,6 @@ class ScriptedRobot:
         self._to_robot: list[tuple[float, bytes]] = []
         self._to_host: list[tuple[float, int, bytes]] = []
         self._sent = 0
-        self.state = State.BOOT
         self._start(max(self.starts_at_s, self.clock.t_s), ResetCause.POWER_ON)
 
     # --- As a transport -------------------------------------------------------------------------
@@ -96,7 +96,7 @@ class ScriptedRobot:
         return (self.start_us + round((t_s - self._started_s) * (1 + self.drift) * 1e6)) & 0xFFFF_FFFF
 
     def restart(self, cause: ResetCause, nonce: int) -> None:
-        self.nonce, self.state = nonce, State.BOOT
+        self.nonce = nonce
         self._start(self.clock.t_s, cause)
 
     def disturb(self, noise: bytes) -> None:
@@ -115,6 +115,8 @@ class ScriptedRobot:
 
     def _start(self, t_s: float, cause: ResetCause) -> None:
         self._started_s = self._ticked_s = t_s
+        self.session = False
+        self.state = State.FAULT if self.button_pressed else State.BOOT
         self._decoder = Decoder(to_host=False)
         self._seq = 0
         self._cause = cause
@@ -155,12 +157,13 @@ class ScriptedRobot:
             self.heard.append((self.mcu_us(t_s), message))
             match message:
                 case HelloRequest():
-                    if message.schema_hash == self.schema_hash:
+                    self.session = message.schema_hash == self.schema_hash
+                    if self.session and self.state == State.BOOT:
                         self.state = State.READY
                     self.send(self._hello(), t_s)
                 case Ping() if self.answers_ping:
                     self.send(Pong(message.host_time_us, self.mcu_us(t_s)), t_s)
                 case Ping():
                     pass
-                case _ if self.state == State.BOOT:
+                case _ if not self.session:
                     self.send(Nack(message.ID, seq, Refusal.NO_SESSION), t_s)

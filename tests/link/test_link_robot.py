@@ -13,7 +13,6 @@ from host.link.protocol import (
     Clear,
     Drive,
     EStop,
-    HelloRequest,
     Message,
     Nack,
     Refusal,
@@ -65,13 +64,19 @@ def test_a_board_that_restarts_when_its_port_is_opened_is_waited_for():
     assert board.state == State.READY
 
 
-def test_the_hello_of_a_starting_robot_is_not_taken_for_an_answer():
-    robot, board, clock = pair()
-    board.send(board._hello())
-    clock.sleep_s(0.05)
+@pytest.mark.parametrize("button_pressed", [False, True])
+def test_the_hello_of_a_starting_robot_is_not_taken_for_an_answer(button_pressed: bool):
+    robot, board, clock = pair(button_pressed=button_pressed)
+    clock.sleep_s(0.05)  # its HELLO and telemetry are on the line before anyone asks
     robot.connect()
-    assert len(commands(board, HelloRequest)) >= 1
-    assert board.state == State.READY
+    assert board.session
+
+
+def test_a_start_between_question_and_answer_does_not_leave_the_session_closed():
+    for starts_at_s in (100.0001 + 0.0003 * n for n in range(400)):
+        robot, board, _ = pair(starts_at_s=starts_at_s, button_pressed=True)
+        robot.connect()
+        assert board.session
 
 
 def test_nobody_there_is_an_error_after_the_timeout_and_not_before():
