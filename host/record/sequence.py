@@ -111,8 +111,8 @@ def read_poses(path: Path, folder: Path) -> tuple[SequenceFrame, ...]:
             )
         if frames and frame.pose.t_s <= frames[-1].pose.t_s:
             raise InputError(
-                f"{path}: line {line}, column t_s: {frame.pose.t_s} s is not after {frames[-1].pose.t_s} s of "
-                f"the frame before; time must go forward"
+                f"{path}: line {line}, column t_s: {frame.pose.t_s} s is not after {frames[-1].pose.t_s} s "
+                f"of the frame before; time must go forward"
             )
         frames.append(frame)
     return tuple(frames)
@@ -262,7 +262,8 @@ def _frame(path: Path, folder: Path, line: int, row: dict[str, str]) -> Sequence
     length = float(np.linalg.norm(quaternion))
     if abs(length - 1) > QUATERNION_TOLERANCE:
         raise InputError(
-            f"{path}: line {line}, columns qw to qz: quaternion of length {length:.4g} is no rotation; scale it to 1"
+            f"{path}: line {line}, columns qw to qz: a quaternion of length {length:.4g} "
+            f"is no rotation; scale it to 1"
         )
     sigmas = {column: number(column) for column in SIGMA_COLUMNS if column in row}
     for column, value in sigmas.items():

@@ -1,0 +1,251 @@
+"""The rooms' settings in one place: from robot.toml, from the command line, and back to text.
+
+Each room keeps its own frozen dataclass, with a comment to every field and its range checked in
+``__post_init__`` (ValueError). Adding a field there is all it takes; ``python -m host.config > robot.toml``
+then brings the file up to date.
+"""
+
+from __future__ import annotations
+
+import ast
+import contextlib
+import dataclasses
+import difflib
+import inspect
+import io
+import json
+import math
+import re
+import sys
+import tomllib
+import typing
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, TypeVar
+
+from host.depth.config import DepthConfig
+from host.errors import UsageError, run_command
+from host.nav.config import BodyConfig, NavConfig
+from host.rbdn.config import NetConfig
+
+DEFAULT_FILE = Path("robot.toml")
+HEADING = """\
+# The robot's settings, with their defaults. Lengths end in _cm or _px, times in _s, angles in _rad.
+# Each can also be set for one run: --nav.speed-cm-s 15
+"""
+Options = TypeVar("Options")
+
+
+@dataclass(frozen=True)
+class Config:
+    """Everything that may be set; one field for each section of robot.toml."""
+
+    net: NetConfig = field(default_factory=NetConfig)
+    depth: DepthConfig = field(default_factory=DepthConfig)
+    body: BodyConfig = field(default_factory=BodyConfig)
+    nav: NavConfig = field(default_factory=NavConfig)
+
+
+SECTIONS: dict[str, type] = typing.get_type_hints(Config)
+
+
+def read_config(path: Path) -> Config:
+    """Read a robot.toml. What it does not mention keeps its default.
+
+    Raises
+    ------
+    UsageError
+        naming the file and the line or key that cannot be followed.
+    """
+    try:
+        tables = tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        raise UsageError(f"{path}: no such configuration file; check --config") from error
+    except OSError as error:
+        raise UsageError(f"{path}: cannot be read ({error.strerror}); check --config") from error
+    except UnicodeDecodeError as error:
+        raise UsageError(f"{path}: is not text; it must be TOML in UTF-8") from error
+    except tomllib.TOMLDecodeError as error:
+        raise UsageError(f"{path}: not valid TOML: {error}; correct it there") from error
+    for name, table in tables.items():
+        if name not in SECTIONS:
+            what = f"section [{name}]" if isinstance(table, dict) else f"key {name} outside any section"
+            raise UsageError(f"{path}: unknown {what}; {_nearest(name, SECTIONS, 'the sections are')}")
+        if not isinstance(table, dict):
+            raise UsageError(f"{path}: {name} must be a section; write [{name}] and its keys below")
+    return Config(**{name: _section(path, name, tables[name]) for name in tables})
+
+
+def config_text(config: Config) -> str:
+    """The configuration as commented TOML that `read_config` reads back equal."""
+    parts = [HEADING]
+    for section, kind in SECTIONS.items():
+        parts.append(f"\n# {(inspect.getdoc(kind) or '').splitlines()[0]}\n[{section}]\n")
+        for key, (above, comment) in _comments(kind).items():
+            parts.extend(f"\n# {line}\n" for line in above)
+            value = _toml(getattr(getattr(config, section), key))
+            parts.append(f"{key} = {value}  # {comment}\n")
+    return "".join(parts)
+
+
+def read_command_line(kind: type[Options], arguments: list[str] | None = None) -> tuple[Options, Config]:
+    """Parse a command's own options, and with them any setting as ``--section.key VALUE``.
+
+    Settings come from ``--config FILE``, else from robot.toml in the working directory if there is one,
+    else from the defaults; those on the command line win.
+
+    Parameters
+    ----------
+    kind
+        Dataclass of the command's options, each field commented; its docstring introduces ``--help``.
+    arguments
+        Instead of the process's own.
+
+    Raises
+    ------
+    UsageError
+        in one line, with the nearest name where one is misspelt.
+    SystemExit
+        after ``--help``.
+    """
+    import tyro  # here, so that reading a configuration does not need it
+
+    arguments = sys.argv[1:] if arguments is None else arguments
+    path = _config_file(arguments)
+    settings = read_config(path) if path is not None else Config()
+    file_help = f"settings file instead of {DEFAULT_FILE} in the working directory"
+    file_option = typing.Annotated[Path | None, tyro.conf.arg(metavar="FILE", help=file_help)]
+    more: list[tuple[str, Any, Any]] = [("config", file_option, field(default=None))]
+    for name, section in SECTIONS.items():
+        more.append((name, section, field(default=getattr(settings, name))))
+    command = dataclasses.make_dataclass(kind.__name__, more, bases=(kind,), frozen=True)
+    said = io.StringIO()
+    try:
+        with contextlib.redirect_stderr(said):
+            parsed = tyro.cli(command, args=arguments, description=inspect.getdoc(kind), prog=_program())
+    except SystemExit as stop:
+        if not stop.code:
+            raise
+        raise UsageError(_one_line(said.getvalue())) from None
+    config = Config(**{name: getattr(parsed, name) for name in SECTIONS})
+    _check_finite(config)
+    options = kind(**{f.name: getattr(parsed, f.name) for f in dataclasses.fields(kind)})  # type: ignore[arg-type]
+    return options, config
+
+
+def _program() -> str:
+    """How the running command was called, for the usage line."""
+    module = getattr(sys.modules["__main__"], "__spec__", None)
+    return f"python -m {module.name}" if module else Path(sys.argv[0]).name
+
+
+def _config_file(arguments: list[str]) -> Path | None:
+    """The file named by --config, which must be known before the other settings are parsed over it."""
+    for k, argument in enumerate(arguments):
+        if argument == "--config" and k + 1 < len(arguments):
+            return Path(arguments[k + 1])
+        if argument.startswith("--config="):
+            return Path(argument.removeprefix("--config="))
+    return DEFAULT_FILE if DEFAULT_FILE.is_file() else None
+
+
+def _section(path: Path, section: str, table: dict[str, Any]) -> Any:
+    kind = SECTIONS[section]
+    types = typing.get_type_hints(kind)
+    for key, value in table.items():
+        if key not in types:
+            nearest = _nearest(key, types, f"the keys of [{section}] are")
+            raise UsageError(f"{path}: unknown key {section}.{key}; {nearest}")
+        if not _fits(value, types[key]):
+            raise UsageError(
+                f"{path}: {section}.{key} = {_brief(value)} is not {_kind_name(types[key])}; correct it"
+            )
+    values = {key: types[key](value) if types[key] in (int, float) else value for key, value in table.items()}
+    try:
+        return kind(**values)
+    except ValueError as error:
+        raise UsageError(f"{path}: section [{section}]: {error}; correct its value") from error
+
+
+def _fits(value: Any, kind: Any) -> bool:
+    if kind is float:
+        return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    if kind is int:
+        return isinstance(value, int) and not isinstance(value, bool)
+    if typing.get_origin(kind) is typing.Literal:
+        return value in typing.get_args(kind)
+    return isinstance(value, kind)
+
+
+def _kind_name(kind: Any) -> str:
+    if typing.get_origin(kind) is typing.Literal:
+        return "one of " + ", ".join(map(repr, typing.get_args(kind)))
+    names = {int: "a whole number", float: "a finite number", bool: "true or false", str: "a text in quotes"}
+    return names[kind]
+
+
+def _check_finite(config: Config) -> None:
+    for section in SECTIONS:
+        for key, value in dataclasses.asdict(getattr(config, section)).items():
+            if isinstance(value, float) and not math.isfinite(value):
+                raise UsageError(f"--{section}.{key.replace('_', '-')}: {value} is not finite; give a number")
+
+
+def _nearest(name: str, known: typing.Iterable[str], otherwise: str) -> str:
+    close = difflib.get_close_matches(name, list(known), n=1)
+    return f"did you mean {close[0]}?" if close else f"{otherwise} {', '.join(known)}"
+
+
+def _brief(value: Any) -> str:
+    text = " ".join(repr(value).split())
+    return text if len(text) <= 40 else text[:37] + "..."
+
+
+def _toml(value: Any) -> str:
+    return json.dumps(value) if isinstance(value, bool | str) else repr(value)
+
+
+def _comments(kind: type) -> dict[str, tuple[list[str], str]]:
+    """For each field the comment lines above it and the one beside it (or the docstring below it)."""
+    source = inspect.getsource(kind)
+    lines = source.splitlines()
+    (body,) = (node.body for node in ast.parse(source).body if isinstance(node, ast.ClassDef))
+    out = {}
+    for node, after in zip(body, [*body[1:], None], strict=True):
+        if not isinstance(node, ast.AnnAssign) or not isinstance(node.target, ast.Name):
+            continue
+        above = []
+        for line in reversed(lines[: node.lineno - 1]):
+            if not line.strip().startswith("#"):
+                break
+            above.insert(0, line.strip().lstrip("# "))
+        beside = lines[(node.end_lineno or node.lineno) - 1][node.end_col_offset or 0 :].strip().lstrip("# ")
+        if isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant):
+            beside = " ".join(str(after.value.value).split())
+        out[node.target.id] = (above, beside)
+    return out
+
+
+def _one_line(box: str) -> str:
+    """What tyro says in a frame of several lines, as one."""
+    text = " ".join(re.sub(r"[╭╮╰╯│─]", " ", "\n".join(box.splitlines()[1:])).split())
+    text = re.split(r" For full helptext| Argument helptext", text)[0]
+    problem, _, suggestions = text.partition(" Perhaps you meant:")
+    problem = problem.removeprefix("Error parsing ").removesuffix(".")
+    nearest = re.findall(r"--[\w.-]+", suggestions)
+    remedy = f"did you mean {nearest[0]}?" if nearest else "see --help"
+    return f"{problem}; {remedy}" if problem else "the command line makes no sense; see --help"
+
+
+@dataclass(frozen=True)
+class DumpOptions:
+    """Print the settings in force as a commented robot.toml."""
+
+
+def _print_settings() -> None:
+    _, config = read_command_line(DumpOptions)
+    print(config_text(config), end="")
+
+
+if __name__ == "__main__":
+    run_command(_print_settings)
