@@ -1,0 +1,1 @@
+"""The simulated robot: room, camera, body and board, in one virtual time."""

@@ -1,0 +1,231 @@
+"""Pictures of a simulated world as a webcam takes them, and the truth beside them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from host.camera.lens import Lens
+from host.pose import Pose
+from host.sim import _render
+from host.sim.world import Ball, Box, Cylinder, Material, World
+
+
+@dataclass(frozen=True)
+class WebcamModel:
+    """What a webcam does to light, in this order. The defaults are an ordinary one indoors."""
+
+    psf_px: float = 0.65  # standard deviation of the lens blur
+    vignetting: float = 0.15  # light lost in the corners, relative
+    exposure_drift: float = 0.02  # slow change of the gain, relative
+    full_well: float = 4000.0  # electrons at white: shot noise
+    read_noise: float = 0.0025  # standard deviation, relative to white
+    jpeg_quality: int = 85  # with 4:2:0 chroma; 0 for no JPEG
+
+
+IDEAL = WebcamModel(psf_px=0.0, vignetting=0.0, exposure_drift=0.0, full_well=math.inf, read_noise=0.0, jpeg_quality=0)
+
+
+@dataclass(frozen=True)
+class Part:
+    """One face of a box, or one smooth surface."""
+
+    id: int
+    object_id: int
+    name: str
+    planar: bool
+    corners_cm: np.ndarray  # (4, 3) in the world for a rectangle, else (0, 3)
+
+
+@dataclass(frozen=True)
+class TrueFrame:
+    """What is true of one picture, for scoring alone."""
+
+    depth_cm: np.ndarray  # (H, W) float32 along the axis at pixel centres, 0 = nothing
+    part_id: np.ndarray  # (H, W) uint16, 0 = nothing
+    object_id: np.ndarray  # (H, W) uint16, 0 = nothing
+    part_area_px: np.ndarray  # (parts + 1,) visible area with fractions, by part id
+    part_mean_z_cm: np.ndarray  # (parts + 1,) depth averaged over it
+
+
+def linear_of(srgb: np.ndarray) -> np.ndarray:
+    """Screen values 0..1 to light 0..1."""
+    srgb = np.asarray(srgb, float)
+    return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
+
+
+def _screen_table() -> np.ndarray:
+    light = np.arange(65536) / 65535.0
+    srgb = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
+    return np.round(255 * srgb).astype(np.uint8)
+
+
+SCREEN = _screen_table()  # light in 65536 steps to screen values
+
+
+class Renderer:
+    """Draws a world from any camera pose.
+
+    Attributes
+    ----------
+    object_names : dict[int, str]
+        By object id; the room's own surfaces first.
+    background_ids : frozenset[int]
+        Objects that belong to the room.
+    parts : tuple[Part, ...]
+        Part k has id k + 1.
+    """
+
+    def __init__(self, world: World) -> None:
+        self.lens = world.lens
+        self.object_names: dict[int, str] = {}
+        self._parts: list[Part] = []
+        self._floor_y = world.camera_height_cm
+        self._scene = _render.Scene(floor_y=self._floor_y)
+        self._add_room(world)
+        self.background_ids = frozenset(self.object_names)
+        for thing in world.things:
+            self._add_thing(thing)
+        self.parts = tuple(self._parts)
+
+    # --- The scene --------------------------------------------------------------------------------
+
+    def _part(self, name: str, planar: bool, corners_cm: np.ndarray | None = None) -> dict[str, int]:
+        object_id, part_id = len(self.object_names), len(self._parts) + 1
+        corners = np.zeros((0, 3)) if corners_cm is None else corners_cm
+        full_name = f"{self.object_names[object_id]}/{name}"
+        self._parts.append(Part(part_id, object_id, full_name, planar, corners))
+        return {"object": object_id, "part": part_id}
+
+    def _object(self, name: str) -> None:
+        self.object_names[len(self.object_names) + 1] = name
+
+    def _quad(self, name, corner, u, v, normal, material: Material, shadowed: bool = False) -> None:
+        corner, u, v = (np.asarray(a, float) for a in (corner, u, v))
+        ids = self._part(name, True, np.array([corner, corner + u, corner + u + v, corner + v]))
+        triples = [tuple(map(float, a)) for a in (corner, u, v, normal)]
+        self._scene.quad(*triples, **ids, material=_material(material), shadowed=shadowed)
+
+    def _add_room(self, world: World) -> None:
+        room, floor = world.room, self._floor_y
+        x0, x1, z0, z1, top = room.left_cm, room.right_cm, room.back_cm, room.front_cm, floor - room.height_cm
+        across, along, up = (x1 - x0, 0, 0), (0, 0, z1 - z0), (0, -room.height_cm, 0)
+        lamp_x, lamp_height, lamp_z = room.lamp_cm
+        self._scene.light(
+            lamp=(lamp_x, floor - lamp_height, lamp_z), ambient=0.4, sky=0.4, direct=0.6, reference_cm=lamp_height
+        )
+        for name, *quad in (
+            ("floor", (x0, floor, z0), across, along, (0, -1, 0), room.floor, True),
+            ("wall_front", (x0, floor, z1), across, up, (0, 0, -1), room.front_wall),
+            ("wall_left", (x0, floor, z0), along, up, (1, 0, 0), room.left_wall),
+            ("wall_right", (x1, floor, z0), along, up, (-1, 0, 0), room.right_wall),
+            ("ceiling", (x0, top, z0), across, along, (0, 1, 0), room.ceiling),
+            ("wall_back", (x0, floor, z0), across, up, (0, 0, 1), room.back_wall),
+        ):
+            self._object(name)
+            self._quad("face", *quad)
+
+    def _add_thing(self, thing: Box | Cylinder | Ball) -> None:
+        self._object(thing.name)
+        material, scene, floor = _material(thing.material), self._scene, self._floor_y
+        if isinstance(thing, Box):
+            self._add_box(thing)
+        elif isinstance(thing, Cylinder):
+            base, top = (thing.x_cm, floor, thing.z_cm), (thing.x_cm, floor - thing.height_cm, thing.z_cm)
+            ids = self._part("side", False)
+            scene.cylinder(base, thing.radius_cm, thing.height_cm, **ids, material=material)
+            scene.disc(top, thing.radius_cm, **self._part("top", True), material=material)
+            scene.round_occluder(thing.x_cm, thing.z_cm, thing.radius_cm, thing.height_cm)
+        else:
+            centre = (thing.x_cm, floor - thing.radius_cm, thing.z_cm)
+            scene.sphere(centre, thing.radius_cm, **self._part("surface", False), material=material)
+            # it touches the floor in a point only
+            scene.round_occluder(thing.x_cm, thing.z_cm, 0.6 * thing.radius_cm, 1.6 * thing.radius_cm)
+
+    def _add_box(self, box: Box) -> None:
+        c, s = math.cos(box.yaw_rad), math.sin(box.yaw_rad)
+        right, ahead, up = np.array([c, 0, -s]), np.array([s, 0, c]), np.array([0, -1.0, 0])
+        w, d, h = box.width_cm * right, box.depth_cm * ahead, box.height_cm * up
+        near_left = np.array([box.x_cm, self._floor_y, box.z_cm]) - w / 2 - d / 2
+        for name, corner, u, v, normal in (
+            ("front", near_left, w, h, -ahead),
+            ("back", near_left + d, w, h, ahead),
+            ("left", near_left, d, h, -right),
+            ("right", near_left + w, d, h, right),
+            ("top", near_left + h, w, d, up),
+        ):
+            self._quad(name, corner, u, v, normal, box.material)
+        self._scene.box_occluder(
+            box.x_cm, box.z_cm, box.width_cm / 2, box.depth_cm / 2, box.yaw_rad, box.height_cm
+        )
+
+    # --- Pictures ---------------------------------------------------------------------------------
+
+    def light(self, pose: Pose, psf_px: float = 0.0) -> np.ndarray:
+        """Light at the sensor, (H, W, 3) float32, linear BGR, 1 = white paper well lit.
+
+        Parameters
+        ----------
+        pose
+            Of the camera.
+        psf_px
+            Standard deviation of the lens blur; the pixels' own integration comes on top.
+        """
+        return self._scene.render(*_camera(pose, self.lens), psf_px)
+
+    def truth(self, pose: Pose) -> TrueFrame:
+        """What is to be seen from a pose."""
+        depth, part, thing, area, mean_z = self._scene.truth(*_camera(pose, self.lens))
+        return TrueFrame(depth, part, thing, area, mean_z)
+
+
+class Webcam:
+    """Turns light into the pictures a webcam delivers; the same seed gives the same pictures."""
+
+    def __init__(self, model: WebcamModel, lens: Lens, seed: int) -> None:
+        self.model = model
+        self._seed = seed
+        x = (np.arange(lens.width) - lens.cx) / (lens.width / 2)
+        y = (np.arange(lens.height) - lens.cy) / (lens.height / 2)
+        fall = 1.0 - model.vignetting * (x[None, :] ** 2 + y[:, None] ** 2) / 2
+        self._fall = fall[:, :, None].astype(np.float32)
+        self._phases = np.random.default_rng((seed, 1)).uniform(0, 2 * math.pi, 2)
+
+    def take(self, light: np.ndarray, t_s: float, seq: int) -> np.ndarray:
+        """Picture (H, W, 3) uint8 BGR of the light at the sensor at one time."""
+        model = self.model
+        swing = np.sin(2 * math.pi * t_s / np.array([11.0, 2.7]) + self._phases)
+        gain = 1.0 + model.exposure_drift * float(0.75 * swing[0] + 0.25 * swing[1])
+        signal = light * (np.float32(gain) * self._fall)
+        variance = signal / np.float32(model.full_well) + np.float32(model.read_noise**2)
+        if model.read_noise > 0 or math.isfinite(model.full_well):
+            noise = np.random.default_rng((self._seed, 2, seq)).standard_normal(signal.shape, dtype=np.float32)
+            signal = signal + np.sqrt(variance) * noise
+        image = SCREEN[(np.clip(signal, 0.0, 1.0) * np.float32(65535) + np.float32(0.5)).astype(np.uint16)]
+        if not model.jpeg_quality:
+            return image
+        _, data = cv2.imencode(".jpg", image, jpeg_options(model.jpeg_quality))
+        return cv2.imdecode(data, cv2.IMREAD_COLOR)
+
+
+def jpeg_options(quality: int) -> list[int]:
+    """OpenCV's parameters for a JPEG as webcams make it."""
+    return [
+        cv2.IMWRITE_JPEG_QUALITY, quality,
+        cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_420,
+    ]  # fmt: skip
+
+
+def _camera(pose: Pose, lens: Lens) -> tuple:
+    rotation = np.ascontiguousarray(pose.rotation, float)
+    position = np.ascontiguousarray(pose.position_cm, float)
+    return rotation, position, lens.fx, lens.fy, lens.cx, lens.cy, lens.width, lens.height
+
+
+def _material(material: Material) -> _render.Material:
+    b, g, r = (float(c) for c in linear_of(np.array(material.rgb[::-1]) / 255.0))
+    pattern = getattr(_render.Pattern, material.pattern)
+    return _render.Material(pattern, (b, g, r), material.contrast, material.scale_cm, material.seed)

@@ -1,0 +1,132 @@
+// Python's door to the renderer; host/sim/render.py is its documented face.
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/tuple.h>
+
+#include <algorithm>
+#include <tuple>
+
+#include "render.hpp"
+
+namespace nb = nanobind;
+
+namespace {
+
+using Triple = std::tuple<double, double, double>;
+using Matrix = nb::ndarray<const double, nb::shape<3, 3>, nb::c_contig, nb::device::cpu>;
+using Vector = nb::ndarray<const double, nb::shape<3>, nb::c_contig, nb::device::cpu>;
+
+Vec3 vec(const Triple &t) { return {std::get<0>(t), std::get<1>(t), std::get<2>(t)}; }
+
+// Camera-to-world rotation and position, and the lens.
+View view_of(const Matrix &rotation, const Vector &position, double fx, double fy, double cx, double cy, int width,
+             int height)
+{
+    const double *r = rotation.data(), *p = position.data();
+    return {{p[0], p[1], p[2]}, {r[0], r[3], r[6]}, {r[1], r[4], r[7]}, {r[2], r[5], r[8]},
+            fx,                 fy,                 cx,                 cy,
+            width,              height};
+}
+
+template <class T> nb::object to_numpy(const std::vector<T> &data, std::initializer_list<std::size_t> shape)
+{
+    T *copy = new T[data.size()];
+    std::copy(data.begin(), data.end(), copy);
+    nb::capsule owner(copy, [](void *p) noexcept { delete[] static_cast<T *>(p); });
+    return nb::ndarray<nb::numpy, T>(copy, shape.size(), shape.begin(), owner).cast();
+}
+
+} // namespace
+
+NB_MODULE(_render, module)
+{
+    nb::enum_<Pattern>(module, "Pattern")
+        .value("plain", Pattern::plain)
+        .value("wood", Pattern::wood)
+        .value("tiles", Pattern::tiles);
+
+    nb::class_<Material>(module, "Material")
+        .def(
+            "__init__",
+            [](Material *m, Pattern pattern, Triple bgr, double contrast, double scale_cm, uint32_t seed) {
+                new (m) Material{pattern, vec(bgr), contrast, scale_cm, seed};
+            },
+            nb::arg("pattern"), nb::arg("bgr"), nb::arg("contrast"), nb::arg("scale_cm"), nb::arg("seed"));
+
+    nb::class_<Scene>(module, "Scene")
+        .def(
+            "__init__", [](Scene *scene, double floor_y) { new (scene) Scene{{}, {}, {}, floor_y}; },
+            nb::arg("floor_y"))
+        .def(
+            "light",
+            [](Scene &scene, Triple lamp, double ambient, double sky, double direct, double reference_cm) {
+                scene.light = {vec(lamp), ambient, sky, direct, reference_cm};
+            },
+            nb::arg("lamp"), nb::arg("ambient"), nb::arg("sky"), nb::arg("direct"), nb::arg("reference_cm"))
+        .def(
+            "quad",
+            [](Scene &scene, Triple corner, Triple u, Triple v, Triple normal, int object, int part,
+               const Material &material, bool shadowed) {
+                Surface s{Shape::quad, vec(corner), vec(u), vec(v), unit(vec(normal)), 0, 0, part, object, material,
+                          shadowed};
+                scene.surfaces.push_back(s);
+            },
+            nb::arg("corner"), nb::arg("u"), nb::arg("v"), nb::arg("normal"), nb::arg("object"), nb::arg("part"),
+            nb::arg("material"), nb::arg("shadowed"))
+        .def(
+            "disc",
+            [](Scene &scene, Triple centre, double radius, int object, int part, const Material &material) {
+                Surface s{Shape::disc, vec(centre), {radius, 0, 0}, {0, 0, radius}, {0, -1, 0}, 0, 0, part, object,
+                          material,    false};
+                scene.surfaces.push_back(s);
+            },
+            nb::arg("centre"), nb::arg("radius"), nb::arg("object"), nb::arg("part"), nb::arg("material"))
+        .def(
+            "sphere",
+            [](Scene &scene, Triple centre, double radius, int object, int part, const Material &material) {
+                Surface s{Shape::sphere, vec(centre), {}, {}, {}, radius, 0, part, object, material, false};
+                scene.surfaces.push_back(s);
+            },
+            nb::arg("centre"), nb::arg("radius"), nb::arg("object"), nb::arg("part"), nb::arg("material"))
+        .def(
+            "cylinder",
+            [](Scene &scene, Triple base, double radius, double height, int object, int part,
+               const Material &material) {
+                Surface s{Shape::cylinder, vec(base), {}, {}, {}, radius, height, part, object, material, false};
+                scene.surfaces.push_back(s);
+            },
+            nb::arg("base"), nb::arg("radius"), nb::arg("height"), nb::arg("object"), nb::arg("part"),
+            nb::arg("material"))
+        .def(
+            "round_occluder",
+            [](Scene &scene, double x, double z, double radius, double height) {
+                scene.occluders.push_back({x, z, 0, 0, 1, 0, radius, height});
+            },
+            nb::arg("x"), nb::arg("z"), nb::arg("radius"), nb::arg("height"))
+        .def(
+            "box_occluder",
+            [](Scene &scene, double x, double z, double half_u, double half_v, double yaw, double height) {
+                scene.occluders.push_back({x, z, half_u, half_v, std::cos(yaw), std::sin(yaw), 0, height});
+            },
+            nb::arg("x"), nb::arg("z"), nb::arg("half_u"), nb::arg("half_v"), nb::arg("yaw"), nb::arg("height"))
+        .def(
+            "render",
+            [](const Scene &scene, const Matrix &rotation, const Vector &position, double fx, double fy, double cx,
+               double cy, int width, int height, double psf_px) {
+                const Picture p = render(scene, view_of(rotation, position, fx, fy, cx, cy, width, height), psf_px);
+                return to_numpy(p.bgr, {static_cast<std::size_t>(height), static_cast<std::size_t>(width), 3});
+            },
+            nb::arg("rotation"), nb::arg("position"), nb::arg("fx"), nb::arg("fy"), nb::arg("cx"), nb::arg("cy"),
+            nb::arg("width"), nb::arg("height"), nb::arg("psf_px"))
+        .def(
+            "truth",
+            [](const Scene &scene, const Matrix &rotation, const Vector &position, double fx, double fy, double cx,
+               double cy, int width, int height) {
+                const Truth t = truth(scene, view_of(rotation, position, fx, fy, cx, cy, width, height));
+                const auto h = static_cast<std::size_t>(height), w = static_cast<std::size_t>(width);
+                return nb::make_tuple(to_numpy(t.depth, {h, w}), to_numpy(t.part, {h, w}), to_numpy(t.object, {h, w}),
+                                      to_numpy(t.area, {t.area.size()}), to_numpy(t.mean_z, {t.mean_z.size()}));
+            },
+            nb::arg("rotation"), nb::arg("position"), nb::arg("fx"), nb::arg("fy"), nb::arg("cx"), nb::arg("cy"),
+            nb::arg("width"), nb::arg("height"));
+}

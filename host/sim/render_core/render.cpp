@@ -1,0 +1,394 @@
+// Visibility by one ray a pixel; where surfaces meet, by 256 rays, whose mean is the pixel.
+//
+// The 256 points form a (0,8,2)-net: every 1/256 wide column or row of the pixel holds exactly one, so that
+// edges along the pixel grid, too, are placed to 1/512 px. The net is scrambled pixel by pixel, which turns
+// what error is left from a bias into noise. An edge pixel keeps 4x4 means of its own, so that the blur
+// of the lens sees where in the pixel the edge runs: blurring whole pixels would shift edges by their place
+// in the grid.
+#include "render.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "shading.hpp"
+
+namespace {
+
+constexpr int samples = 256;
+constexpr int cells = 4; // a side
+constexpr int blur_radius = 3;
+constexpr int tile = 8; // side of a tile of pixels that shares one list of surfaces
+
+// Pixels with a margin all round; (x, y) counts from the image proper.
+template <class T> class Plane {
+public:
+    Plane(int width, int height, int pad, T value)
+        : pad_(pad), stride_(width + 2 * pad), data_(static_cast<std::size_t>(stride_) * (height + 2 * pad), value)
+    {
+    }
+    T &at(int x, int y) { return data_[static_cast<std::size_t>(y + pad_) * stride_ + (x + pad_)]; }
+    const T &at(int x, int y) const { return data_[static_cast<std::size_t>(y + pad_) * stride_ + (x + pad_)]; }
+
+private:
+    int pad_, stride_;
+    std::vector<T> data_;
+};
+
+constexpr int16_t nothing = -1;
+
+struct Visible {
+    std::vector<Seen> seen;
+    Plane<int16_t> which; // index into seen
+    Plane<double> inverse_depth;
+    int pad;
+
+    Visible(const Scene &scene, const View &view, int margin)
+        : which(view.width, view.height, margin, nothing), inverse_depth(view.width, view.height, margin, 0.0),
+          pad(margin)
+    {
+        for (const Surface &surface : scene.surfaces) {
+            Seen s;
+            if (see(surface, view, margin, s))
+                seen.push_back(s);
+        }
+        for (std::size_t k = 0; k < seen.size(); k++)
+            draw(static_cast<int16_t>(k), view);
+    }
+
+    // Do surfaces meet in this pixel?
+    bool mixed(int x, int y) const
+    {
+        const int16_t centre = which.at(x, y);
+        for (int dy = -1; dy <= 1; dy++)
+            for (int dx = -1; dx <= 1; dx++)
+                if (which.at(x + dx, y + dy) != centre)
+                    return true;
+        return false;
+    }
+
+private:
+    void draw(int16_t k, const View &view)
+    {
+        const Seen &s = seen[k];
+        for (int y = s.y0; y < s.y1; y++)
+            for (int x = s.x0; x < s.x1; x++) {
+                const double inverse = inverse_depth_at(s, view, x, y);
+                if (inverse > inverse_depth.at(x, y)) {
+                    inverse_depth.at(x, y) = inverse;
+                    which.at(x, y) = k;
+                }
+            }
+    }
+};
+
+// For each tile the surfaces that may show in it.
+class Tiles {
+public:
+    Tiles(const std::vector<Seen> &seen, const View &view, int pad)
+        : pad_(pad), across_((view.width + 2 * pad) / tile + 1),
+          lists_(static_cast<std::size_t>(across_) * ((view.height + 2 * pad) / tile + 1))
+    {
+        for (std::size_t k = 0; k < seen.size(); k++) {
+            const Seen &s = seen[k];
+            for (int ty = (s.y0 + pad) / tile; ty <= (s.y1 - 1 + pad) / tile; ty++)
+                for (int tx = (s.x0 + pad) / tile; tx <= (s.x1 - 1 + pad) / tile; tx++)
+                    lists_[static_cast<std::size_t>(ty) * across_ + tx].push_back(static_cast<int16_t>(k));
+        }
+    }
+    const std::vector<int16_t> &at(int x, int y) const
+    {
+        return lists_[static_cast<std::size_t>((y + pad_) / tile) * across_ + (x + pad_) / tile];
+    }
+
+private:
+    int pad_, across_;
+    std::vector<std::vector<int16_t>> lists_;
+};
+
+// What one surface has of a pixel.
+struct Share {
+    int16_t which = nothing;
+    int count = 0;                    // of the samples
+    double x = 0, y = 0;              // mean place of its samples
+    std::array<uint16_t, cells * cells> in_cell{};
+};
+
+class Sampler {
+public:
+    Sampler(const std::vector<Seen> &seen, const View &view) : seen_(seen), view_(view) {}
+
+    // Shares of the surfaces in the pixel, by decreasing index of first sample; samples of nothing are left out.
+    const std::vector<Share> &shares(int x, int y, const std::vector<int16_t> &candidates)
+    {
+        place(x, y);
+        inverse_.fill(0.0);
+        winner_.fill(nothing);
+        for (const int16_t k : candidates)
+            test(k, x, y);
+        shares_.clear();
+        for (int i = 0; i < samples; i++) {
+            if (winner_[i] == nothing)
+                continue;
+            Share &share = share_of(winner_[i]);
+            share.count++;
+            share.x += px_[i];
+            share.y += py_[i];
+            share.in_cell[cell_[i]]++;
+        }
+        for (Share &share : shares_) {
+            share.x /= share.count;
+            share.y /= share.count;
+        }
+        return shares_;
+    }
+
+private:
+    void place(int x, int y)
+    {
+        uint32_t h = static_cast<uint32_t>(x + 64) * 0x9E3779B1u ^ static_cast<uint32_t>(y + 64) * 0x85EBCA77u;
+        h ^= h >> 15, h *= 0x2C1B3C6Du, h ^= h >> 13;
+        const int flip_x = h & 255, flip_y = (h >> 8) & 255;
+        for (int i = 0; i < samples; i++) {
+            int reversed = ((i & 0x55) << 1) | ((i & 0xAA) >> 1);
+            reversed = ((reversed & 0x33) << 2) | ((reversed & 0xCC) >> 2);
+            reversed = ((reversed & 0x0F) << 4) | ((reversed & 0xF0) >> 4);
+            const int ix = i ^ flip_x, iy = reversed ^ flip_y;
+            px_[i] = x - 0.5 + (ix + 0.5) / samples;
+            py_[i] = y - 0.5 + (iy + 0.5) / samples;
+            cell_[i] = static_cast<uint8_t>((iy / (samples / cells)) * cells + ix / (samples / cells));
+        }
+    }
+
+    void take(int i, int16_t k, double inverse)
+    {
+        const bool nearer = inverse > inverse_[i];
+        inverse_[i] = nearer ? inverse : inverse_[i];
+        winner_[i] = nearer ? k : winner_[i];
+    }
+
+    void test(int16_t k, int x, int y)
+    {
+        const Seen &s = seen_[k];
+        if (s.surface->shape != Shape::quad) {
+            for (int i = 0; i < samples; i++)
+                take(i, k, inverse_depth_at(s, view_, px_[i], py_[i]));
+            return;
+        }
+        bool whole = true;
+        const auto against = [&](const Linear &edge) { // false: the whole pixel is outside
+            const double middle = edge.at(x, y), half = 0.5 * (std::abs(edge.x) + std::abs(edge.y));
+            whole = whole && middle > half;
+            return middle >= -half;
+        };
+        for (const Linear &edge : s.inside)
+            if (!against(edge))
+                return;
+        const Linear &d = s.inverse_depth;
+        if (!against(d) || !against({-d.x, -d.y, 1.0 / near_cm - d.c}))
+            return;
+        if (whole) {
+            for (int i = 0; i < samples; i++)
+                take(i, k, d.at(px_[i], py_[i]));
+            return;
+        }
+        for (int i = 0; i < samples; i++)
+            take(i, k, inverse_depth_at(s, view_, px_[i], py_[i]));
+    }
+
+    Share &share_of(int16_t k)
+    {
+        for (Share &share : shares_)
+            if (share.which == k)
+                return share;
+        shares_.emplace_back().which = k;
+        return shares_.back();
+    }
+
+    const std::vector<Seen> &seen_;
+    const View &view_;
+    std::array<double, samples> px_{}, py_{}, inverse_{};
+    std::array<uint8_t, samples> cell_{};
+    std::array<int16_t, samples> winner_{};
+    std::vector<Share> shares_;
+};
+
+// A pixel in which surfaces meet: how its parts differ from its mean.
+struct MixedPixel {
+    int x = 0, y = 0;
+    std::array<Vec3, cells * cells> residual;
+};
+
+Vec3 colour_at(const Scene &scene, const Seen &seen, const View &view, double px, double py)
+{
+    const double inverse = inverse_depth_near(seen, view, px, py);
+    return inverse > 0.0 ? shade(scene, seen, view, px, py, inverse) : Vec3{};
+}
+
+// Mean colour of a mixed pixel and of its cells.
+Vec3 resolve(const Scene &scene, const View &view, const std::vector<Seen> &seen, const std::vector<Share> &shares,
+             MixedPixel &pixel)
+{
+    constexpr double cell_samples = samples / (cells * cells);
+    pixel.residual.fill(Vec3{});
+    Vec3 mean;
+    for (const Share &share : shares) {
+        const Vec3 colour = colour_at(scene, seen[share.which], view, share.x, share.y);
+        mean = mean + (static_cast<double>(share.count) / samples) * colour;
+        for (int c = 0; c < cells * cells; c++)
+            pixel.residual[c] = pixel.residual[c] + (share.in_cell[c] / cell_samples) * colour;
+    }
+    for (Vec3 &cell : pixel.residual)
+        cell = cell - mean;
+    return mean;
+}
+
+// How much of a cell's light each pixel from -blur_radius to blur_radius receives, along one axis.
+using Spread = std::array<std::array<double, 2 * blur_radius + 1>, cells>;
+
+Spread spread_of(double sigma)
+{
+    // second antiderivative of the Gaussian
+    const auto ramp = [&](double t) {
+        constexpr double pi = 3.14159265358979323846;
+        return 0.5 * t * std::erfc(-t / (sigma * std::sqrt(2.0)))
+               + sigma * std::exp(-0.5 * t * t / (sigma * sigma)) / std::sqrt(2.0 * pi);
+    };
+    Spread spread{};
+    for (int c = 0; c < cells; c++) {
+        const double left = -0.5 + static_cast<double>(c) / cells, right = left + 1.0 / cells;
+        double total = 0.0;
+        for (int d = -blur_radius; d <= blur_radius; d++) {
+            const double weight
+                = ramp(d + 0.5 - left) - ramp(d + 0.5 - right) - ramp(d - 0.5 - left) + ramp(d - 0.5 - right);
+            spread[c][d + blur_radius] = cells * weight;
+            total += cells * weight;
+        }
+        for (double &weight : spread[c])
+            weight /= total;
+    }
+    return spread;
+}
+
+// Lens blur of whole pixels, then of what mixed pixels have beyond their mean.
+void blur(Plane<Vec3> &light, const std::vector<MixedPixel> &mixed, int width, int height, double sigma)
+{
+    const Spread spread = spread_of(sigma);
+    std::array<double, 2 * blur_radius + 1> kernel{};
+    for (const auto &cell : spread)
+        for (std::size_t d = 0; d < kernel.size(); d++)
+            kernel[d] += cell[d] / cells;
+
+    Plane<Vec3> rows(width, height, blur_radius, Vec3{});
+    for (int y = -blur_radius; y < height + blur_radius; y++)
+        for (int x = 0; x < width; x++) {
+            Vec3 sum;
+            for (int d = -blur_radius; d <= blur_radius; d++)
+                sum = sum + kernel[d + blur_radius] * light.at(x + d, y);
+            rows.at(x, y) = sum;
+        }
+    for (int y = 0; y < height; y++)
+        for (int x = 0; x < width; x++) {
+            Vec3 sum;
+            for (int d = -blur_radius; d <= blur_radius; d++)
+                sum = sum + kernel[d + blur_radius] * rows.at(x, y + d);
+            light.at(x, y) = sum;
+        }
+
+    for (const MixedPixel &pixel : mixed) {
+        for (int dx = -blur_radius; dx <= blur_radius; dx++) {
+            const int x = pixel.x + dx;
+            if (x < 0 || x >= width)
+                continue;
+            std::array<Vec3, cells> column{};
+            for (int cy = 0; cy < cells; cy++)
+                for (int cx = 0; cx < cells; cx++)
+                    column[cy] = column[cy]
+                                 + (spread[cx][dx + blur_radius] / (cells * cells)) * pixel.residual[cy * cells + cx];
+            for (int dy = std::max(-blur_radius, -pixel.y); dy <= std::min(blur_radius, height - 1 - pixel.y); dy++)
+                for (int cy = 0; cy < cells; cy++)
+                    light.at(x, pixel.y + dy)
+                        = light.at(x, pixel.y + dy) + spread[cy][dy + blur_radius] * column[cy];
+        }
+    }
+}
+
+} // namespace
+
+Picture render(const Scene &scene, const View &view, double psf_px)
+{
+    const int margin = psf_px > 0.0 ? blur_radius : 0;
+    const Visible visible(scene, view, margin + 1); // one more: a pixel is judged by its neighbours
+    const Tiles tiles(visible.seen, view, visible.pad);
+    Sampler sampler(visible.seen, view);
+
+    Plane<Vec3> light(view.width, view.height, margin, Vec3{});
+    std::vector<MixedPixel> mixed;
+    for (int y = -margin; y < view.height + margin; y++)
+        for (int x = -margin; x < view.width + margin; x++) {
+            if (visible.mixed(x, y)) {
+                MixedPixel pixel{x, y, {}};
+                light.at(x, y)
+                    = resolve(scene, view, visible.seen, sampler.shares(x, y, tiles.at(x, y)), pixel);
+                mixed.push_back(pixel);
+            } else if (visible.which.at(x, y) != nothing) {
+                light.at(x, y) = shade(scene, visible.seen[visible.which.at(x, y)], view, x, y,
+                                       visible.inverse_depth.at(x, y));
+            }
+        }
+    if (psf_px > 0.0)
+        blur(light, mixed, view.width, view.height, psf_px);
+
+    Picture picture{view.width, view.height, {}};
+    picture.bgr.reserve(static_cast<std::size_t>(view.width) * view.height * 3);
+    for (int y = 0; y < view.height; y++)
+        for (int x = 0; x < view.width; x++)
+            for (const double c : {light.at(x, y).x, light.at(x, y).y, light.at(x, y).z})
+                picture.bgr.push_back(static_cast<float>(c));
+    return picture;
+}
+
+Truth truth(const Scene &scene, const View &view)
+{
+    const Visible visible(scene, view, 1);
+    const Tiles tiles(visible.seen, view, visible.pad);
+    Sampler sampler(visible.seen, view);
+
+    int parts = 0;
+    for (const Surface &surface : scene.surfaces)
+        parts = std::max(parts, surface.part);
+    Truth truth;
+    truth.area.assign(parts + 1, 0.0);
+    truth.mean_z.assign(parts + 1, 0.0);
+    const auto count = [&](int16_t which, double area, double inverse_depth) {
+        const int part = visible.seen[which].surface->part;
+        truth.area[part] += area;
+        if (inverse_depth > 0.0)
+            truth.mean_z[part] += area / inverse_depth;
+    };
+    for (int y = 0; y < view.height; y++)
+        for (int x = 0; x < view.width; x++) {
+            const int16_t which = visible.which.at(x, y);
+            const double inverse = visible.inverse_depth.at(x, y);
+            const Surface *surface = which == nothing ? nullptr : visible.seen[which].surface;
+            truth.depth.push_back(surface ? static_cast<float>(1.0 / inverse) : 0.0f);
+            truth.part.push_back(static_cast<uint16_t>(surface ? surface->part : 0));
+            truth.object.push_back(static_cast<uint16_t>(surface ? surface->object : 0));
+            if (!visible.mixed(x, y)) {
+                if (surface)
+                    count(which, 1.0, inverse);
+                continue;
+            }
+            for (const Share &share : sampler.shares(x, y, tiles.at(x, y)))
+                count(share.which, static_cast<double>(share.count) / samples,
+                      inverse_depth_near(visible.seen[share.which], view, share.x, share.y));
+        }
+    double total = 0.0;
+    for (int part = 1; part <= parts; part++) {
+        total += truth.area[part];
+        if (truth.area[part] > 0.0)
+            truth.mean_z[part] /= truth.area[part];
+    }
+    truth.area[0] = static_cast<double>(view.width) * view.height - total;
+    return truth;
+}

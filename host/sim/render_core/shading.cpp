@@ -1,0 +1,194 @@
+// Texture, light and shadow.
+#include "shading.hpp"
+
+#include <algorithm>
+#include <cstdint>
+
+namespace {
+
+// A point on a surface in the surface's own coordinates (cm), and how far one pixel reaches in each.
+struct Spot {
+    double u = 0, v = 0;
+    double reach_u = 0, reach_v = 0;
+};
+
+uint32_t hash(int32_t x, int32_t y, uint32_t seed)
+{
+    uint32_t h = seed * 0x9E3779B9u + static_cast<uint32_t>(x) * 0x85EBCA6Bu + static_cast<uint32_t>(y) * 0xC2B2AE35u;
+    h ^= h >> 15, h *= 0x2C1B3C6Du, h ^= h >> 12, h *= 0x297A2D39u, h ^= h >> 15;
+    return h;
+}
+
+double lattice(int32_t x, int32_t y, uint32_t seed) { return hash(x, y, seed) * (2.0 / 4294967295.0) - 1.0; }
+
+double smooth(double t) { return t * t * t * (t * (6.0 * t - 15.0) + 10.0); }
+
+// Value noise of wavelengths of about two lattice steps and more, in -1..1, mean 0.
+double value_noise(double x, double y, uint32_t seed)
+{
+    const double fx = std::floor(x), fy = std::floor(y);
+    const auto ix = static_cast<int32_t>(fx), iy = static_cast<int32_t>(fy);
+    const double sx = smooth(x - fx), sy = smooth(y - fy);
+    const double upper = std::lerp(lattice(ix, iy, seed), lattice(ix + 1, iy, seed), sx);
+    const double lower = std::lerp(lattice(ix, iy + 1, seed), lattice(ix + 1, iy + 1, seed), sx);
+    return std::lerp(upper, lower, sy);
+}
+
+// Two octaves with lattice steps of step_u and step_v; an octave fades out before a pixel covers half of its
+// step, so that nothing is drawn that the pixel grid cannot hold.
+double noise(const Spot &spot, double step_u, double step_v, uint32_t seed)
+{
+    double sum = 0.0, gain = 0.65;
+    for (uint32_t octave = 0; octave < 2; octave++) {
+        const double covered = std::max(spot.reach_u / step_u, spot.reach_v / step_v);
+        const double fade = std::clamp(2.0 - 2.5 * covered, 0.0, 1.0);
+        if (fade == 0.0)
+            break;
+        sum += gain * fade * value_noise(spot.u / step_u, spot.v / step_v, seed + octave);
+        gain *= 0.55, step_u *= 0.45, step_v *= 0.45;
+    }
+    return sum;
+}
+
+// Share of [x - reach / 2, x + reach / 2] covered by lines of width `line` at every multiple of `period`.
+double line_cover(double x, double reach, double period, double line)
+{
+    const auto integral = [&](double t) { // length of line in 0..t
+        const double n = std::floor(t / period);
+        return n * line + std::min(t - n * period, line);
+    };
+    const double width = std::max(reach, 1e-6 * period), middle = x + 0.5 * line;
+    return (integral(middle + 0.5 * width) - integral(middle - 0.5 * width)) / width;
+}
+
+// Brightness of the planks under the footprint, relative, mean 0: each plank has its own.
+double plank_tone(double x, double reach, double plank, uint32_t seed)
+{
+    const double left = (x - 0.5 * reach) / plank, right = (x + 0.5 * reach) / plank;
+    const double first = std::floor(left), last = std::floor(right);
+    const auto tone = [&](double k) { return lattice(static_cast<int32_t>(k), 0, seed); };
+    if (last == first)
+        return tone(first);
+    if (last > first + 1.0) // several under one pixel: their mean
+        return 0.0;
+    return (tone(first) * (last - left) + tone(last) * (right - last)) / (right - left);
+}
+
+Vec3 albedo(const Material &m, const Spot &spot)
+{
+    double light = 1.0;
+    switch (m.pattern) {
+    case Pattern::plain:
+        light += m.contrast * noise(spot, m.scale_cm, m.scale_cm, m.seed);
+        break;
+    case Pattern::wood: // grain along v
+        light += m.contrast * (0.8 * noise(spot, 0.18 * m.scale_cm, 5.0 * m.scale_cm, m.seed)
+                               + 0.35 * plank_tone(spot.u, spot.reach_u, m.scale_cm, m.seed + 7));
+        light *= 1.0 - 0.35 * line_cover(spot.u, spot.reach_u, m.scale_cm, 0.15);
+        break;
+    case Pattern::tiles: {
+        const double grout_u = line_cover(spot.u, spot.reach_u, m.scale_cm, 0.5);
+        const double grout_v = line_cover(spot.v, spot.reach_v, m.scale_cm, 0.5);
+        light += m.contrast * noise(spot, 0.2 * m.scale_cm, 0.2 * m.scale_cm, m.seed);
+        light *= 1.0 - 0.3 * (grout_u + grout_v - grout_u * grout_v);
+        break;
+    }
+    }
+    return std::max(light, 0.0) * m.colour;
+}
+
+// Reach of one pixel along a direction `along` in the tangent plane: the point moves with the ray and with
+// the depth at which the ray meets the plane.
+double reach(const View &view, const Vec3 &ray, const Vec3 &normal, double depth, const Vec3 &along)
+{
+    const double towards = dot(normal, ray);
+    if (std::abs(towards) < 1e-9)
+        return 1e9;
+    const Vec3 slide = along - (dot(along, ray) / towards) * normal; // dot(d ray, slide) * depth = d point . along
+    return depth * (std::abs(dot(view.right, slide)) / view.fx + std::abs(dot(view.down, slide)) / view.fy);
+}
+
+double distance_to(const Occluder &o, double x, double z)
+{
+    const double dx = x - o.x, dz = z - o.z;
+    if (o.radius > 0.0)
+        return std::sqrt(dx * dx + dz * dz) - o.radius;
+    const double a = std::abs(o.cos_yaw * dx - o.sin_yaw * dz) - o.half_u;
+    const double b = std::abs(o.sin_yaw * dx + o.cos_yaw * dz) - o.half_v;
+    const double outside = std::hypot(std::max(a, 0.0), std::max(b, 0.0));
+    return outside + std::min(std::max(a, b), 0.0);
+}
+
+// Share of the lamp's and of the ambient light that things standing about leave on the floor.
+void shadow(const Scene &scene, const Vec3 &point, double &lamp, double &ambient)
+{
+    const double height = scene.floor_y - scene.light.lamp.y;
+    const double slope_x = (scene.light.lamp.x - point.x) / height;
+    const double slope_z = (scene.light.lamp.z - point.z) / height;
+    const double slope = std::hypot(slope_x, slope_z);
+    for (const Occluder &o : scene.occluders) {
+        const double size = o.radius > 0.0 ? o.radius : std::hypot(o.half_u, o.half_v);
+        const double away = size + slope * o.height + 0.3 * o.height + 14.0;
+        const double dx = point.x - o.x, dz = point.z - o.z;
+        if (dx * dx + dz * dz > away * away)
+            continue;
+        const double contact = std::max(distance_to(o, point.x, point.z), 0.0);
+        ambient *= 1.0 - 0.5 * std::exp(-contact / 3.5);
+        double passed = 1.0;
+        for (const double part : {0.2, 0.5, 0.85}) { // where the ray to the lamp is at this part of the height
+            const double up = part * o.height, soft = 2.0 + 0.3 * up;
+            const double d = distance_to(o, point.x + slope_x * up, point.z + slope_z * up);
+            const double t = std::clamp(0.5 + 0.5 * d / soft, 0.0, 1.0);
+            passed = std::min(passed, t * t * (3.0 - 2.0 * t));
+        }
+        lamp *= passed;
+    }
+}
+
+} // namespace
+
+Vec3 shade(const Scene &scene, const Seen &seen, const View &view, double px, double py, double inverse_depth)
+{
+    const Surface &s = *seen.surface;
+    const double depth = 1.0 / inverse_depth;
+    const Vec3 ray = view.ray(px, py), point = view.eye + depth * ray;
+    const Vec3 from = point - s.origin;
+
+    Spot spot;
+    Vec3 normal = s.normal, along_u, along_v;
+    switch (s.shape) {
+    case Shape::quad:
+    case Shape::disc:
+        along_u = unit(s.u), along_v = unit(s.v);
+        spot.u = dot(from, along_u), spot.v = dot(from, along_v);
+        break;
+    case Shape::sphere:
+    case Shape::cylinder: {
+        const double around = std::atan2(from.x, -from.z);
+        spot.u = s.radius * around;
+        along_u = {std::cos(around), 0.0, std::sin(around)};
+        if (s.shape == Shape::sphere) {
+            normal = (1.0 / s.radius) * from;
+            along_v = cross(along_u, normal);
+            spot.v = s.radius * std::asin(std::clamp(normal.y, -1.0, 1.0));
+        } else {
+            normal = {from.x / s.radius, 0.0, from.z / s.radius};
+            along_v = {0.0, 1.0, 0.0};
+            spot.v = from.y;
+        }
+        break;
+    }
+    }
+    spot.reach_u = reach(view, ray, normal, depth, along_u);
+    spot.reach_v = reach(view, ray, normal, depth, along_v);
+
+    const Light &light = scene.light;
+    const Vec3 to_lamp = light.lamp - point;
+    const double distance2 = dot(to_lamp, to_lamp);
+    const double incidence = std::max(dot(normal, to_lamp), 0.0) / std::sqrt(distance2);
+    double lamp = light.direct * incidence * light.reference_cm * light.reference_cm / distance2;
+    double ambient = light.ambient + light.sky * (0.5 - 0.5 * normal.y);
+    if (s.shadowed)
+        shadow(scene, point, lamp, ambient);
+    return (lamp + ambient) * albedo(s.material, spot);
+}

@@ -1,0 +1,52 @@
+// A pinhole camera in the world, and where the rays through its pixels meet surfaces.
+#pragma once
+
+#include <array>
+
+#include "scene.hpp"
+
+// A linear function of pixel coordinates.
+struct Linear {
+    double x = 0, y = 0, c = 0;
+    double at(double px, double py) const { return x * px + y * py + c; }
+};
+
+struct View {
+    Vec3 eye;
+    Vec3 right, down, forward; // camera axes in the world
+    double fx = 1, fy = 1, cx = 0, cy = 0;
+    int width = 0, height = 0;
+
+    // Ray through a pixel, with unit component along the optical axis: eye + z * ray has depth z.
+    Vec3 ray(double px, double py) const
+    {
+        return ((px - cx) / fx) * right + ((py - cy) / fy) * down + forward;
+    }
+    // dot(ray(px, py), a)
+    Linear along(const Vec3 &a) const
+    {
+        const double gx = dot(right, a) / fx, gy = dot(down, a) / fy;
+        return {gx, gy, dot(forward, a) - cx * gx - cy * gy};
+    }
+};
+
+// A surface as one view sees it. For planar ones inverse depth and the two coordinates on the surface,
+// divided by depth, are linear in the image: that makes edges straight and tests cheap.
+struct Seen {
+    const Surface *surface = nullptr;
+    Linear inverse_depth;
+    std::array<Linear, 4> inside; // quad: all >= 0 inside; disc: [0]^2 + [1]^2 <= inverse_depth^2
+    int x0 = 0, x1 = 0, y0 = 0, y1 = 0; // pixels that may show it: x0 <= x < x1
+};
+
+// Nearer than this to the camera's plane nothing is seen.
+constexpr double near_cm = 0.5;
+
+// False when nothing of the surface can be seen. Pixels from -pad to width + pad count as the image.
+bool see(const Surface &surface, const View &view, int pad, Seen &seen);
+
+// Inverse depth at which the ray through a pixel meets the surface; 0 when it does not.
+double inverse_depth_at(const Seen &seen, const View &view, double px, double py);
+
+// As above, but a ray that passes by gets the nearest thing to a hit (planes go on beyond their edges).
+double inverse_depth_near(const Seen &seen, const View &view, double px, double py);
