@@ -22,7 +22,7 @@ import numpy as np
 from host.camera.lens import Lens
 from host.depth.config import DepthConfig
 from host.depth.motion import Station, most_redundant, travel_sigma_cm
-from host.depth.polygon import polygon_moments
+from host.depth.polygon import outline_length, polygon_area, polygon_moments
 from host.depth.report import Declined, Estimate
 from host.rbdn.snapshot import Region, Snapshot
 
@@ -90,10 +90,10 @@ class AreaMethod:
             self._histories[region.id] = history = _History(station.pose.rotation, last_seq=station.seq)
             turned = rays
         area, centre, spread = polygon_moments(turned)
-        polygon_px = polygon_moments(region.loops)[0]
+        polygon_px = polygon_area(region.loops)
         if area <= 0 or polygon_px <= 0 or region.area_px <= 0:
             return Declined("no area")
-        outline_px = sum(np.hypot(*np.diff(loop, axis=0, append=loop[:1]).T).sum() for loop in region.loops)
+        outline_px = outline_length(region.loops)
         sigma_px2 = np.hypot(region.sigma_area_px, outline_px * self._config.area_outline_px)
         # the polygon only says how the lens and the rotation scale the measured soft area
         area *= region.area_px / polygon_px

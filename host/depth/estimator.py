@@ -55,12 +55,12 @@ class Estimator:
                     self._memory.forget(event.parent)
         self._memory.forget_unseen(snapshot.seq)
         outlines = self._outline.update(snapshot, station)
-        own = self._outline.own_share
+        own = outlines.own_share
         areas = self._area.update(snapshot, station, own)
         vertices = self._vertex.update(snapshot, station)
         regions = {}
         for region in snapshot.regions:
-            outline = outlines[region.id]
+            outline = outlines.depths[region.id]
             answers = {
                 "area": areas[region.id],
                 "vertex": self._vertex.region(region, vertices, own.get(region.id, 1.0)),

@@ -100,8 +100,10 @@ class Keyframes:
         self._slots: list[int] = []  # where each is filed
         # row of the sample nearest to each cell, for each slot and direction; -1 where there is none
         self._index = np.full(self._limit * DIRECTIONS * self._rows * self._columns, -1, np.int32)
-        self._table = np.zeros((4, self._limit * SAMPLES))  # x, y, normal x, normal y; SAMPLES rows a slot
-        self._sides = np.zeros((2, self._limit * SAMPLES), np.int64)  # rows of left and right region
+        self._table = np.zeros(
+            (4, self._limit * SAMPLES), np.float32
+        )  # x, y, normal x, normal y; SAMPLES rows a slot
+        self._sides = np.zeros((2, self._limit * SAMPLES), np.int32)  # rows of left and right region
         self._faces = [Faces(np.zeros(0, np.int64), np.zeros((0, 3)))] * self._limit
         self._offsets = self._nearest_last()
 
@@ -164,8 +166,8 @@ class Keyframes:
         direction : (...,) as `direction_of` has it
         """
         inside = (x_px > -0.5) & (x_px < self._width - 0.5) & (y_px > -0.5) & (y_px < self._height - 0.5)
-        column = (np.where(inside, x_px, 0.0) / CELL_PX + (REACH_CELLS + 0.5)).astype(np.int64)
-        row = (np.where(inside, y_px, 0.0) / CELL_PX + (REACH_CELLS + 0.5)).astype(np.int64)
+        column = (np.where(inside, x_px, 0) * (1 / CELL_PX) + (REACH_CELLS + 0.5)).astype(np.int32)
+        row = (np.where(inside, y_px, 0) * (1 / CELL_PX) + (REACH_CELLS + 0.5)).astype(np.int32)
         layer = np.asarray(self._slots)[which] * DIRECTIONS + direction
         at = self._index.take((layer * self._rows + row) * self._columns + column)
         found = inside & (at >= 0)

@@ -18,6 +18,7 @@ import numpy as np
 
 from host.camera.lens import Lens
 from host.depth.config import DepthConfig
+from host.depth.keyframes import rows_of
 from host.depth.motion import Station, most_redundant, rotation_sigma_rad, travel_sigma_cm, with_ones
 from host.depth.report import Declined, Estimate, VertexDepths
 from host.rbdn.snapshot import Region, Snapshot
@@ -140,7 +141,8 @@ class VertexMethod:
             return Declined("cut by the image border")
         if not region.loop_vertices:
             return Declined("no vertices")
-        at = np.isin(vertices.ids, region.loop_vertices[0])
+        rows = rows_of(region.loop_vertices[0], vertices.ids)
+        at = np.unique(rows[rows >= 0])
         z, sigma = vertices.xyz_cm[at, 2], vertices.sigma_cm[at]
         good = np.isfinite(z)
         if good.sum() < MIN_CORNERS:
