@@ -107,7 +107,7 @@ static inline uint32_t msg_get_u32(const uint8_t *at)
 
 // --- Messages to the robot -------------------------------------------------------------------------
 
-// Opens a session; the robot answers HELLO, or NACK and no motion when the schemas differ.
+// Opens a session; the robot answers HELLO, and NACK besides when the schemas differ.
 #define MSG_HELLO_REQUEST 0x01u
 #define MSG_HELLO_REQUEST_SIZE 5u
 

@@ -109,7 +109,7 @@ class Refusal(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class HelloRequest:
-    """Opens a session; the robot answers HELLO, or NACK and no motion when the schemas differ.
+    """Opens a session; the robot answers HELLO, and NACK besides when the schemas differ.
 
     Fixed for ever, as HELLO is: two versions must be able to say that they differ.
     """
