@@ -38,43 +38,63 @@ private:
     float gate2_ = 0;
 };
 
+// What a scan needs to know of an edge, worked out once for all its crossings.
+struct Scan {
+    bool by_rows;     // scanned along rows (steep) or along columns (flat)
+    bool idle;        // on the image border: nothing to claim
+    int depth;        // px along the line that make up the reach
+    double middle;    // coordinate across the lines where half 1 begins
+    bool a_is_first;  // half 0 lies at the smaller coordinates
+    Claim by_right;   // pixels of the left face
+    Claim by_left;    // pixels of the right face
+};
+
+std::vector<Scan> plan_scans(const Mesh& mesh, const ClaimRule& rule, int reach_px) {
+    std::vector<Scan> scans;
+    scans.reserve(mesh.edges.size());
+    for (const Edge& e : mesh.edges) {
+        const Vec2 a = mesh.vertices[e.a].p, b = mesh.vertices[e.b].p;
+        const double dx = std::abs(b.x - a.x), dy = std::abs(b.y - a.y);
+        const bool by_rows = dy >= dx;
+        const double steep = std::max({dx, dy, 1e-9});
+        const double from = by_rows ? a.y : a.x, to = by_rows ? b.y : b.x;
+        const bool idle = e.on_border();
+        const Colour left = idle ? Colour{} : mesh.faces[e.left].mean;
+        const Colour right = idle ? Colour{} : mesh.faces[e.right].mean;
+        scans.push_back({by_rows, idle,
+                         std::min(kDeepestRun, static_cast<int>(std::ceil(reach_px * std::sqrt(dx * dx + dy * dy) / steep))),
+                         0.5 * (from + to), from <= to, Claim(left, right, rule), Claim(right, left, rule)});
+    }
+    return scans;
+}
+
 // One axis of the disparity: edges that cross these lines steeply.
-void measure_along(const Mesh& mesh, const CrossingLines& lines, Axis axis, const Image& image,
-                   const ClaimRule& rule, int reach_px, std::vector<Disparity>& out) {
-    const bool rows = axis == Axis::kRows;
+void measure_along(const Mesh& mesh, const CrossingLines& lines, bool rows, const Image& image,
+                   const std::vector<Scan>& scans, std::vector<Disparity>& out) {
     const int size = rows ? mesh.width : mesh.height;
+    const int stride = rows ? 1 : mesh.width;
     for (int k = 0; k < lines.line_count(); ++k) {
         const auto crossings = lines.line(k);
+        const Pixel* line = rows ? &image.at(0, k) : &image.at(k, 0);
         for (std::size_t i = 1; i + 1 < crossings.size(); ++i) {
             const Crossing& c = crossings[i];
-            const Edge& e = mesh.edges[c.edge];
-            if (e.on_border()) continue;
-            const Vec2 a = mesh.vertices[e.a].p, b = mesh.vertices[e.b].p;
-            const double dx = std::abs(b.x - a.x), dy = std::abs(b.y - a.y);
-            if (rows ? dy < dx : dx <= dy) continue;
+            const Scan& scan = scans[c.edge];
+            if (scan.by_rows != rows || scan.idle) continue;
 
-            const double steep = rows ? dy : dx;
-            const int depth = std::min(kDeepestRun, static_cast<int>(std::ceil(reach_px * std::sqrt(dx * dx + dy * dy) / steep)));
-            const double across = k + 0.5;
-            const double from_a = std::abs(across - (rows ? a.y : a.x)) / steep;
-            const int half = from_a < 0.5 ? 0 : 1;
-
+            const bool left_is_before = c.before == mesh.edges[c.edge].left;
+            const Claim& by_after = left_is_before ? scan.by_right : scan.by_left;
+            const Claim& by_before = left_is_before ? scan.by_left : scan.by_right;
             const int here = std::clamp(first_pixel_from(c.at), 0, size);
-            const int low = std::max(std::clamp(first_pixel_from(crossings[i - 1].at), 0, size), here - depth);
-            const int high = std::min(std::clamp(first_pixel_from(crossings[i + 1].at), 0, size), here + depth);
-            const auto pixel = [&](int at) -> const Pixel& { return rows ? image.at(at, k) : image.at(k, at); };
-
-            const Colour& before = mesh.faces[c.before].mean;
-            const Colour& after = mesh.faces[c.after].mean;
-            const Claim by_after(before, after, rule);
-            const Claim by_before(after, before, rule);
+            const int low = std::max(std::clamp(first_pixel_from(crossings[i - 1].at), 0, size), here - scan.depth);
+            const int high = std::min(std::clamp(first_pixel_from(crossings[i + 1].at), 0, size), here + scan.depth);
             int run_before = 0;
-            for (int at = here - 1; at >= low && by_after(pixel(at)); --at) ++run_before;
+            for (int at = here - 1; at >= low && by_after(line[at * stride]); --at) ++run_before;
             int run_after = 0;
-            for (int at = here; at < high && by_before(pixel(at)); ++at) ++run_after;
+            for (int at = here; at < high && by_before(line[at * stride]); ++at) ++run_after;
+            if (run_before + run_after == 0) continue;
 
+            const int half = (k + 0.5 < scan.middle) == scan.a_is_first ? 0 : 1;
             Disparity& d = out[c.edge];
-            const bool left_is_before = c.before == e.left;
             d.left_claimed[half] += static_cast<float>(left_is_before ? run_before : run_after);
             d.right_claimed[half] += static_cast<float>(left_is_before ? run_after : run_before);
         }
@@ -112,8 +132,9 @@ Vec2 solve_move(const NormalEquations& n, std::uint8_t sides) {
 std::vector<Disparity> measure_disparity(const Mesh& mesh, const Crossings& crossings, const Image& image,
                                          const ClaimRule& rule, int reach_px) {
     std::vector<Disparity> out(mesh.edges.size());
-    measure_along(mesh, crossings.rows(), Axis::kRows, image, rule, reach_px, out);
-    measure_along(mesh, crossings.columns(), Axis::kColumns, image, rule, reach_px, out);
+    const std::vector<Scan> scans = plan_scans(mesh, rule, reach_px);
+    measure_along(mesh, crossings.rows(), true, image, scans, out);
+    measure_along(mesh, crossings.columns(), false, image, scans, out);
     return out;
 }
 

@@ -90,16 +90,22 @@ int cut_squares(Mesh& mesh, std::vector<int>& labels, const std::vector<int>& pi
 
 }  // namespace
 
-std::vector<char> off_pixels(const Mesh& mesh, const Image& image, const std::vector<int>& labels, double gate) {
+std::vector<char> off_pixels(const Mesh& mesh, const Crossings& crossings, const Image& image, double gate) {
     const int width = mesh.width, height = mesh.height;
     const auto gate2 = static_cast<float>(gate * gate);
-    std::vector<char> far(labels.size(), 0);
-    for (int y = 0; y < height; ++y)
-        for (int x = 0; x < width; ++x) {
-            const std::size_t k = static_cast<std::size_t>(y) * width + x;
-            far[k] = distance2(image.at(x, y), mesh.faces[labels[k]].mean) > gate2;
+    std::vector<char> far(static_cast<std::size_t>(width) * height, 0);
+    for (int y = 0; y < height; ++y) {
+        const auto line = crossings.rows().line(y);
+        const Pixel* row = &image.at(0, y);
+        char* marks = far.data() + static_cast<std::size_t>(y) * width;
+        for (std::size_t i = 0; i + 1 < line.size(); ++i) {
+            const Colour mean = mesh.faces[line[i].after].mean;
+            const int x1 = std::clamp(first_pixel_from(line[i + 1].at), 0, width);
+            for (int x = std::clamp(first_pixel_from(line[i].at), 0, width); x < x1; ++x)
+                marks[x] = distance2(row[x], mean) > gate2;
         }
-    std::vector<char> off(labels.size(), 0);
+    }
+    std::vector<char> off(far.size(), 0);
     for (int y = 1; y + 1 < height; ++y)
         for (int x = 1; x + 1 < width; ++x) {
             const std::size_t k = static_cast<std::size_t>(y) * width + x;

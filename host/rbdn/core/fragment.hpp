@@ -3,13 +3,14 @@
 
 #include <vector>
 
+#include "crossings.hpp"
 #include "image.hpp"
 #include "mesh.hpp"
 
 namespace rbdn {
 
 // One byte a pixel: 1 where the pixel and most of its neighbours are far from their face's mean.
-std::vector<char> off_pixels(const Mesh& mesh, const Image& image, const std::vector<int>& labels, double gate);
+std::vector<char> off_pixels(const Mesh& mesh, const Crossings& crossings, const Image& image, double gate);
 
 // Cuts new off-pixels into faces of their own, in squares, so that the deformation can regroup them. Blobs that
 // were mostly off in the last frame already (`known`) are shading, not news. Returns how many faces were made.

@@ -76,7 +76,7 @@ void Tracker::finish() {
     crossings_.build(mesh_);
     update_means();
     labels_ = crossings_.face_of_pixels(mesh_);
-    known_off_ = off_pixels(mesh_, image_, labels_, kOffGate * eta());
+    known_off_ = off_pixels(mesh_, crossings_, image_, kOffGate * eta());
     const double units = Image::kUnitsPerLab;
     regions_ = grouping_.update(mesh_, image_, labels_,
                                 {config_.group_step * units, config_.keep_step * units});
@@ -147,7 +147,7 @@ void Tracker::update_means() {
 void Tracker::cut_out_news() {
     update_means();
     labels_ = crossings_.face_of_pixels(mesh_);
-    const std::vector<char> off = off_pixels(mesh_, image_, labels_, kOffGate * eta());
+    const std::vector<char> off = off_pixels(mesh_, crossings_, image_, kOffGate * eta());
     if (fragment_faces(mesh_, labels_, off, known_off_, config_.square_px) == 0) return;
     vectorise(mesh_, crossings_, labels_);
     split_faces(mesh_);
