@@ -124,7 +124,13 @@ class Memory:
             # the ray and the sigma stay those of the last measurement, so that carrying adds nothing twice
             return before, last.method, "carried on from an earlier frame"
         now = measured.estimate
-        if before is not None:
+        if before is not None and last is not None:
+            if (
+                np.linalg.norm(station.pose.position_cm - last.station.pose.position_cm)
+                < self._config.min_step_cm
+            ):
+                # at rest nothing new is learnt
+                return before, last.method, note
             gate = DISAGREEMENT_SIGMAS * np.hypot(before.sigma_cm, now.sigma_cm)
             if abs(before.depth_cm - now.depth_cm) > gate:
                 note = "differs from its last depth; begun anew"

@@ -30,13 +30,13 @@ class Relief:
 
 # area over smallest rectangle around it, and the relief that goes with it; pi/4 = 0.785 is an ellipse
 SHAPES = (
-    (0.80, Relief(0.34, 0.10)),
-    (0.86, Relief(0.28, 0.13)),
-    (0.93, Relief(0.12, 0.13)),
-    (0.98, Relief(0.02, 0.08)),
+    (0.80, Relief(0.30, 0.09)),
+    (0.86, Relief(0.28, 0.11)),
+    (0.93, Relief(0.12, 0.11)),
+    (0.98, Relief(0.02, 0.07)),
 )
 HOLLOW = Relief(0.0, 0.2)
-UNKNOWN = Relief(0.15, 0.2)
+UNKNOWN = Relief(0.15, 0.25)
 FLAT = Relief(0.0, 0.03)
 MIN_SOLIDITY = 0.87
 MIN_BEND_PX = 1.5  # a side may leave its chord by this
