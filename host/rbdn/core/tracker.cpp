@@ -12,12 +12,12 @@ namespace rbdn {
 
 namespace {
 
-constexpr double kQuiet = 0.25;       // px; the paper's stop by displacement
-constexpr int kPatience = 8;          // cycles without progress before giving up: hard counts jitter for ever
+constexpr double kQuiet = 0.3;       // px; the paper's stop by displacement
+constexpr int kPatience = 6;          // cycles without progress before giving up: hard counts jitter for ever
 constexpr double kProgress = 0.97;
 constexpr int kMaintenancePeriod = 3;
-constexpr int kFullGainCycles = 12;
-constexpr double kLateGain = 0.6;
+constexpr int kFullGainCycles = 6;
+constexpr double kLateGain = 0.5;
 constexpr double kOffGate = 1.6;      // eta; farther than this from its face, a pixel is off
 constexpr int kFragmentations = 2;    // per frame
 
