@@ -113,12 +113,13 @@ def read_command_line(kind: type[Options], arguments: list[str] | None = None) -
     arguments = sys.argv[1:] if arguments is None else arguments
     path = _config_file(arguments)
     settings = read_config(path) if path is not None else Config()
-    file_help = f"settings file instead of {DEFAULT_FILE} in the working directory"
-    file_option = typing.Annotated[Path | None, tyro.conf.arg(metavar="FILE", help=file_help)]
-    more: list[tuple[str, Any, Any]] = [("config", file_option, field(default=None))]
-    for name, section in SECTIONS.items():
-        more.append((name, section, field(default=getattr(settings, name))))
-    command = dataclasses.make_dataclass(kind.__name__, more, bases=(kind,), frozen=True)
+    file_help = f"settings to use instead of those in {DEFAULT_FILE} in the working directory"
+    parts: list[Any] = [
+        *_option_fields(kind),
+        ("config", typing.Annotated[Path | None, tyro.conf.arg(metavar="PATH", help=file_help)], None),
+        *((name, section, field(default=getattr(settings, name))) for name, section in SECTIONS.items()),
+    ]
+    command = dataclasses.make_dataclass(kind.__name__, parts, frozen=True)
     said = io.StringIO()
     try:
         with contextlib.redirect_stderr(said):
@@ -137,6 +138,20 @@ def _program() -> str:
     """How the running command was called, for the usage line."""
     module = getattr(sys.modules["__main__"], "__spec__", None)
     return f"python -m {module.name}" if module else Path(sys.argv[0]).name
+
+
+def _option_fields(kind: type) -> typing.Iterator[tuple[str, Any, Any]]:
+    """Name, type with help text, and default of each option, since tyro finds no comments in a made class."""
+    import tyro
+
+    types = typing.get_type_hints(kind, include_extras=True)
+    comments = _comments(kind)
+    for option in dataclasses.fields(kind):
+        metavar = "PATH" if types[option.name] == Path | None else None
+        typed = typing.Annotated[
+            types[option.name], tyro.conf.arg(help=comments[option.name][1], metavar=metavar)
+        ]
+        yield option.name, typed, field(default=option.default, default_factory=option.default_factory)
 
 
 def _config_file(arguments: list[str]) -> Path | None:

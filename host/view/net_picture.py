@@ -51,7 +51,8 @@ def draw_net(image: np.ndarray, snapshot: Snapshot, depths: DepthReport, caption
     for region in snapshot.regions:
         for loop in region.loops:
             _line(canvas, loop, scale, PANEL, 4)
-    for region in snapshot.regions:
+    # Of two regions that share an edge the smaller gives it its colour: things stand out from what is behind.
+    for region in sorted(snapshot.regions, key=lambda r: -r.area_px):
         for loop in region.loops:
             _line(canvas, loop, scale, region_colour(region.id), 2)
     for region in snapshot.regions:

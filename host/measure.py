@@ -1,0 +1,297 @@
+"""Depth from a recorded sequence: net and estimators run over a folder, answers as table, JSON and pictures.
+
+    python -m host.measure SEQUENCE [--poses FILE] [--json OUT] [--pictures DIR]
+
+Results appear only when the whole sequence was measured; an interrupted or failed run leaves what was there.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+from tyro.conf import Positional
+
+from host.config import Config, read_command_line
+from host.errors import InputError, run_command
+
+if TYPE_CHECKING:  # so that --help need not wait for OpenCV
+    import numpy as np
+
+    from host.depth.report import DepthReport
+    from host.pose import Pose
+    from host.rbdn.snapshot import Region, Snapshot
+    from host.record.sequence import Sequence, SequenceFrame
+
+FEWEST_FRAMES = 2
+
+
+@dataclass(frozen=True)
+class MeasureOptions:
+    """Measure depth in a recorded sequence: camera.json, poses.csv and the images it names."""
+
+    sequence: Positional[Path]  # the sequence folder
+    poses: Path | None = None  # poses to use instead of the folder's poses.csv
+    json: Path | None = None  # write all results to this file
+    pictures: Path | None = None  # write each frame with net and depths into this folder
+
+
+class Tracker(Protocol):
+    """What `host.rbdn.Net` does here."""
+
+    def track(self, image: np.ndarray, rotation: np.ndarray | None = None) -> Snapshot: ...
+
+
+class DepthEstimator(Protocol):
+    """What `host.depth.estimator.Estimator` does here."""
+
+    def update(self, snapshot: Snapshot, pose: Pose) -> DepthReport: ...
+
+
+@dataclass(frozen=True)
+class MeasuredFrame:
+    """One frame with all that was made of it."""
+
+    source: SequenceFrame
+    image: np.ndarray  # (H, W, 3) uint8, BGR
+    snapshot: Snapshot
+    depths: DepthReport
+    depth_ms: float
+    total_ms: float  # image in memory to depths out
+
+    def as_dict(self) -> dict[str, Any]:
+        """The frame as the results file has it; null where nothing is known."""
+        return {
+            "frame": self.source.number,
+            "t_s": self.source.pose.t_s,
+            "time_ms": {
+                "net": self.snapshot.net_ms,
+                "refine": self.snapshot.refine_ms,
+                "depth": self.depth_ms,
+                "total": self.total_ms,
+            },
+            "regions": [_region_dict(region, self.depths) for region in self.snapshot.regions],
+            "vertices": _vertex_dicts(self.snapshot, self.depths),
+        }
+
+
+def measure_sequence(sequence: Sequence, net: Tracker, estimator: DepthEstimator) -> Iterator[MeasuredFrame]:
+    """Run net and depth over a sequence, a frame at a time.
+
+    Parameters
+    ----------
+    sequence
+        At least two frames: a single one has no motion.
+    net, estimator
+        Fresh ones, made for the sequence's lens.
+
+    Raises
+    ------
+    InputError
+        where the sequence is too short or an image turns out to be damaged.
+    """
+    if len(sequence.frames) < FEWEST_FRAMES:
+        raise InputError(
+            f"{sequence.folder}: only {len(sequence.frames)} frame; depth comes from motion, "
+            f"record at least {FEWEST_FRAMES}"
+        )
+    before: Pose | None = None
+    for index, frame in enumerate(sequence.frames):
+        image = sequence.image(index)
+        turned = None if before is None else frame.pose.relative_to(before)[0]
+        before = frame.pose
+        start = time.perf_counter()
+        snapshot = net.track(image, turned)
+        tracked = time.perf_counter()
+        depths = estimator.update(snapshot, frame.pose)
+        done = time.perf_counter()
+        yield MeasuredFrame(frame, image, snapshot, depths, 1e3 * (done - tracked), 1e3 * (done - start))
+
+
+def result_dict(sequence: Sequence, frames: list[dict[str, Any]]) -> dict[str, Any]:
+    """The results file; `frames` as `MeasuredFrame.as_dict` gives them."""
+    return {"sequence": sequence.folder.resolve().name, "camera": asdict(sequence.lens), "frames": frames}
+
+
+def run(options: MeasureOptions, config: Config) -> None:
+    """Measure and write what the options ask for; all input is looked at before any output is touched."""
+    from host.depth.estimator import Estimator
+    from host.rbdn import Net
+    from host.record.atomic import check_writable, write_whole
+    from host.record.sequence import read_sequence
+
+    sequence = read_sequence(options.sequence, _poses_file(options))
+    if options.json is not None:
+        check_writable(options.json, folder=False)
+    if options.pictures is not None:
+        check_writable(options.pictures, folder=True)
+    frames: list[dict[str, Any]] = []
+    last: MeasuredFrame | None = None
+    with _progress(len(sequence.frames)) as advance, _gallery(options.pictures) as gallery:
+        for last in measure_sequence(
+            sequence, Net(config.net, sequence.lens), Estimator(sequence.lens, config.depth)
+        ):
+            frames.append(last.as_dict())
+            if gallery is not None:
+                gallery(last)
+            advance()
+    if options.json is not None:
+        text = json.dumps(result_dict(sequence, frames), allow_nan=False)
+        write_whole(options.json, text.encode() + b"\n")
+    if last is not None:
+        _print_table(last, frames, options)
+
+
+def _poses_file(options: MeasureOptions) -> Path | None:
+    poses = options.poses
+    if poses is not None and not poses.exists() and (options.sequence / poses).is_file():
+        raise InputError(f"{poses}: no such file; did you mean {options.sequence / poses}?")
+    return poses
+
+
+def _number(value: float | None) -> float | None:
+    return float(value) if value is not None and math.isfinite(value) else None
+
+
+def _region_dict(region: Region, depths: DepthReport) -> dict[str, Any]:
+    depth = depths.regions.get(region.id)
+    known = depth is not None and depth.depth_cm is not None
+    out: dict[str, Any] = {
+        "id": region.id,
+        "parent": region.parent,
+        "area_px": region.area_px,
+        "touches_border": region.touches_border,
+        "mean_rgb": list(region.mean_rgb),
+        "loops": [loop.tolist() for loop in region.loops],
+        "depth_cm": _number(depth.depth_cm) if depth else None,
+        "sigma_cm": _number(depth.sigma_cm) if depth else None,
+        "method": depth.method if depth and known else None,
+        "estimates": {
+            method: {"depth_cm": _number(estimate.depth_cm), "sigma_cm": _number(estimate.sigma_cm)}
+            for method, estimate in (depth.estimates if depth else {}).items()
+        },
+    }
+    note = depth.method_note if depth else "not estimated in this frame"
+    if note is not None or not known:
+        out["method_note"] = note or "the motion supports no depth yet"
+    return out
+
+
+def _vertex_dicts(snapshot: Snapshot, depths: DepthReport) -> list[dict[str, Any]]:
+    placed = {
+        int(vertex): (*map(_number, place), _number(sigma))
+        for vertex, place, sigma in zip(
+            depths.vertices.ids, depths.vertices.xyz_cm, depths.vertices.sigma_cm, strict=True
+        )
+    }
+    out = []
+    for vertex, (x_px, y_px) in zip(snapshot.vertices.ids, snapshot.vertices.xy_px, strict=True):
+        x_cm, y_cm, z_cm, sigma_cm = placed.get(int(vertex), (None, None, None, None))
+        out.append(
+            {
+                "id": int(vertex),
+                "x_px": float(x_px),
+                "y_px": float(y_px),
+                "X_cm": x_cm,
+                "Y_cm": y_cm,
+                "Z_cm": z_cm,
+                "sigma_cm": sigma_cm,
+            }
+        )
+    return out
+
+
+@contextlib.contextmanager
+def _progress(total: int) -> Iterator[Callable[[], None]]:
+    """A bar on stderr where that is a terminal; nothing elsewhere."""
+    from rich.console import Console
+    from rich.progress import Progress
+
+    console = Console(stderr=True)
+    with Progress(console=console, disable=not console.is_terminal, transient=True) as bar:
+        task = bar.add_task("measuring", total=total)
+        yield lambda: bar.advance(task)
+
+
+@contextlib.contextmanager
+def _gallery(folder: Path | None) -> Iterator[Callable[[MeasuredFrame], None] | None]:
+    """Takes frames and draws them; the pictures move into `folder` when all went well."""
+    if folder is None:
+        yield None
+        return
+    import cv2
+
+    from host.record.atomic import write_whole
+    from host.view.net_picture import draw_net
+
+    with tempfile.TemporaryDirectory(prefix="pictures-") as drafts:
+
+        def add(frame: MeasuredFrame) -> None:
+            caption = f"frame {frame.source.number}   {frame.source.pose.t_s:.2f} s"
+            picture = draw_net(frame.image, frame.snapshot, frame.depths, caption)
+            cv2.imwrite(str(Path(drafts) / f"{frame.source.number:06d}.png"), picture)
+
+        yield add
+        for draft in sorted(Path(drafts).iterdir()):
+            write_whole(folder / draft.name, draft.read_bytes())
+
+
+def _print_table(last: MeasuredFrame, frames: list[dict[str, Any]], options: MeasureOptions) -> None:
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    from host.view.palette import region_colour
+
+    console = Console()
+    if not console.is_terminal:
+        console.width = 110
+    table = Table(title=f"frame {last.source.number}, nearest first", title_justify="left")
+    table.add_column("region", justify="right")
+    for name in ("area px", "depth cm", "sigma cm"):
+        table.add_column(name, justify="right", no_wrap=True)
+    table.add_column("method")
+    table.add_column("note", overflow="fold")
+    regions = frames[-1]["regions"]
+    for region in sorted(regions, key=lambda r: (r["depth_cm"] is None, r["depth_cm"] or 0, -r["area_px"])):
+        blue, green, red = region_colour(region["id"])
+        table.add_row(
+            Text(str(region["id"]), style=f"rgb({red},{green},{blue})"),
+            f"{region['area_px']:.0f}",
+            _cell(region["depth_cm"]),
+            _cell(region["sigma_cm"]),
+            region["method"] or "-",
+            region.get("method_note") or "",
+        )
+    console.print(table)
+    times = sorted(frame["time_ms"]["total"] for frame in frames)
+    known = sum(region["depth_cm"] is not None for region in regions)
+    console.print(
+        f"{len(frames)} frames, {times[len(times) // 2]:.1f} ms each (median); "
+        f"{known} of {len(regions)} regions have a depth at the end",
+        highlight=False,
+    )
+    for what, place in (("results", options.json), ("pictures", options.pictures)):
+        if place is not None:
+            console.print(f"{what}: {place}", highlight=False, soft_wrap=True, markup=False)
+
+
+def _cell(value: float | None) -> str:
+    return "-" if value is None else f"{value:.1f}"
+
+
+def main() -> None:
+    """The command."""
+    options, config = read_command_line(MeasureOptions)
+    run(options, config)
+
+
+if __name__ == "__main__":
+    run_command(main)
