@@ -26,7 +26,9 @@ class WebcamModel:
     jpeg_quality: int = 85  # with 4:2:0 chroma; 0 for no JPEG
 
 
-IDEAL = WebcamModel(psf_px=0.0, vignetting=0.0, exposure_drift=0.0, full_well=math.inf, read_noise=0.0, jpeg_quality=0)
+IDEAL = WebcamModel(
+    0.0, vignetting=0.0, exposure_drift=0.0, full_well=math.inf, read_noise=0.0, jpeg_quality=0
+)
 
 
 @dataclass(frozen=True)
@@ -113,10 +115,9 @@ class Renderer:
         room, floor = world.room, self._floor_y
         x0, x1, z0, z1, top = room.left_cm, room.right_cm, room.back_cm, room.front_cm, floor - room.height_cm
         across, along, up = (x1 - x0, 0, 0), (0, 0, z1 - z0), (0, -room.height_cm, 0)
-        lamp_x, lamp_height, lamp_z = room.lamp_cm
-        self._scene.light(
-            lamp=(lamp_x, floor - lamp_height, lamp_z), ambient=0.4, sky=0.4, direct=0.6, reference_cm=lamp_height
-        )
+        lamp_x, height, lamp_z = room.lamp_cm
+        lamp = (lamp_x, floor - height, lamp_z)
+        self._scene.light(lamp, ambient=0.4, sky=0.4, direct=0.6, reference_cm=height)
         for name, *quad in (
             ("floor", (x0, floor, z0), across, along, (0, -1, 0), room.floor, True),
             ("wall_front", (x0, floor, z1), across, up, (0, 0, -1), room.front_wall),
@@ -202,8 +203,8 @@ class Webcam:
         signal = light * (np.float32(gain) * self._fall)
         variance = signal / np.float32(model.full_well) + np.float32(model.read_noise**2)
         if model.read_noise > 0 or math.isfinite(model.full_well):
-            noise = np.random.default_rng((self._seed, 2, seq)).standard_normal(signal.shape, dtype=np.float32)
-            signal = signal + np.sqrt(variance) * noise
+            rng = np.random.default_rng((self._seed, 2, seq))
+            signal = signal + np.sqrt(variance) * rng.standard_normal(signal.shape, dtype=np.float32)
         image = SCREEN[(np.clip(signal, 0.0, 1.0) * np.float32(65535) + np.float32(0.5)).astype(np.uint16)]
         if not model.jpeg_quality:
             return image

@@ -7,7 +7,7 @@ so that places are (x, z) and a heading or yaw turns from z towards x.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from urllib.parse import parse_qsl
 
@@ -118,7 +118,8 @@ class World:
 
     @cached_property
     def _circles(self) -> np.ndarray:
-        return np.array([(t.x_cm, t.z_cm, t.radius_cm) for t in self.things if not isinstance(t, Box)]).reshape(-1, 3)
+        rows = [(t.x_cm, t.z_cm, t.radius_cm) for t in self.things if not isinstance(t, Box)]
+        return np.array(rows).reshape(-1, 3)
 
     @cached_property
     def _rectangles(self) -> np.ndarray:
@@ -139,7 +140,8 @@ class World:
         )
         if len(self._circles):
             c = self._circles
-            nearest = np.minimum(nearest, (np.hypot(x[:, None] - c[:, 0], z[:, None] - c[:, 1]) - c[:, 2]).min(1))
+            away = np.hypot(x[:, None] - c[:, 0], z[:, None] - c[:, 1]) - c[:, 2]
+            nearest = np.minimum(nearest, away.min(1))
         if len(self._rectangles):
             r = self._rectangles
             dx, dz = x[:, None] - r[:, 0], z[:, None] - r[:, 1]
@@ -233,7 +235,7 @@ def room(seed: int = 0, objects: int = 8) -> World:
                 z = rng.uniform(50, shell.front_cm - 8)
             thing = _thing(rng, f"{n}", x, z, colour)
             if _fits(world, thing):
-                more = _with(world, thing)
+                more = replace(world, things=(*world.things, thing))
                 if more.has_path(PATH_WIDTH_CM):
                     world = more
                     break
@@ -265,12 +267,6 @@ def _fits(world: World, thing: Thing) -> bool:
     return start > 50 and goal > 35 and float(world.distance_cm(np.array([x, z]))[0]) > reach + 3
 
 
-def _with(world: World, thing: Thing) -> World:
-    return World(
-        world.name, world.room, (*world.things, thing), world.camera_height_cm, world.lens, world.goal_cm, world.seed
-    )
-
-
 # --- URIs ------------------------------------------------------------------------------------------
 
 SCENES = {"room": room, "boxes": boxes}
@@ -297,6 +293,7 @@ def world_from_uri(uri: str) -> World:
             known = ", ".join(PARAMETERS[name])
             raise UsageError(f"camera {uri!r}: sim:{name} has no parameter {key!r}; known are {known}")
         if not (text.isascii() and text.isdigit() and int(text) <= HIGHEST[key]):
-            raise UsageError(f"camera {uri!r}: {key} must be a whole number from 0 to {HIGHEST[key]}, not {text!r}")
+            values_known = f"a whole number from 0 to {HIGHEST[key]}"
+            raise UsageError(f"camera {uri!r}: {key} must be {values_known}, not {text!r}")
         values[key] = int(text)
     return SCENES[name](**values)

@@ -113,8 +113,8 @@ NB_MODULE(_render, module)
             "render",
             [](const Scene &scene, const Matrix &rotation, const Vector &position, double fx, double fy, double cx,
                double cy, int width, int height, double psf_px) {
-                const Picture p = render(scene, view_of(rotation, position, fx, fy, cx, cy, width, height), psf_px);
-                return to_numpy(p.bgr, {static_cast<std::size_t>(height), static_cast<std::size_t>(width), 3});
+                const auto bgr = render(scene, view_of(rotation, position, fx, fy, cx, cy, width, height), psf_px);
+                return to_numpy(bgr, {static_cast<std::size_t>(height), static_cast<std::size_t>(width), 3});
             },
             nb::arg("rotation"), nb::arg("position"), nb::arg("fx"), nb::arg("fy"), nb::arg("cx"), nb::arg("cy"),
             nb::arg("width"), nb::arg("height"), nb::arg("psf_px"))

@@ -35,6 +35,24 @@ private:
     std::vector<T> data_;
 };
 
+// Colours as rows of three floats a pixel, with a margin all round.
+class Light3 {
+public:
+    Light3(int width, int height, int pad)
+        : pad_(pad), stride_(width + 2 * pad), data_(3 * static_cast<std::size_t>(stride_) * (height + 2 * pad))
+    {
+    }
+    float *at(int x, int y) { return &data_[place(x, y)]; }
+    const float *at(int x, int y) const { return &data_[place(x, y)]; }
+    const std::vector<float> &data() const { return data_; }
+
+private:
+    std::size_t place(int x, int y) const { return 3 * (static_cast<std::size_t>(y + pad_) * stride_ + (x + pad_)); }
+
+    int pad_, stride_;
+    std::vector<float> data_;
+};
+
 constexpr int16_t nothing = -1;
 
 struct Visible {
@@ -71,9 +89,10 @@ private:
     void draw(int16_t k, const View &view)
     {
         const Seen &s = seen[k];
+        const bool quad = s.surface->shape == Shape::quad;
         for (int y = s.y0; y < s.y1; y++)
             for (int x = s.x0; x < s.x1; x++) {
-                const double inverse = inverse_depth_at(s, view, x, y);
+                const double inverse = quad ? quad_inverse_depth(s, x, y) : inverse_depth_at(s, view, x, y);
                 if (inverse > inverse_depth.at(x, y)) {
                     inverse_depth.at(x, y) = inverse;
                     which.at(x, y) = k;
@@ -106,111 +125,170 @@ private:
     std::vector<std::vector<int16_t>> lists_;
 };
 
+// Where in a pixel the samples are.
+struct Net {
+    std::array<double, samples> x{}, y{}; // from the pixel's centre
+    std::array<uint8_t, samples> cell{};
+};
+
+// The net scrambled in several ways.
+const std::array<Net, 64> &nets()
+{
+    static const std::array<Net, 64> all = [] {
+        std::array<Net, 64> nets;
+        uint32_t h = 1;
+        for (Net &net : nets) {
+            h = h * 1664525u + 1013904223u;
+            const int flip_x = h >> 24, flip_y = (h >> 16) & 255;
+            for (int i = 0; i < samples; i++) {
+                int reversed = ((i & 0x55) << 1) | ((i & 0xAA) >> 1);
+                reversed = ((reversed & 0x33) << 2) | ((reversed & 0xCC) >> 2);
+                reversed = ((reversed & 0x0F) << 4) | ((reversed & 0xF0) >> 4);
+                const int ix = i ^ flip_x, iy = reversed ^ flip_y;
+                net.x[i] = (ix + 0.5) / samples - 0.5;
+                net.y[i] = (iy + 0.5) / samples - 0.5;
+                net.cell[i] = static_cast<uint8_t>((iy / (samples / cells)) * cells + ix / (samples / cells));
+            }
+        }
+        return nets;
+    }();
+    return all;
+}
+
+const Net &net_of(int x, int y)
+{
+    uint32_t h = static_cast<uint32_t>(x) * 0x9E3779B1u ^ static_cast<uint32_t>(y) * 0x85EBCA77u;
+    h ^= h >> 15, h *= 0x2C1B3C6Du;
+    return nets()[h >> 26];
+}
+
 // What one surface has of a pixel.
 struct Share {
     int16_t which = nothing;
-    int count = 0;                    // of the samples
-    double x = 0, y = 0;              // mean place of its samples
+    int count = 0;       // of the samples
+    double x = 0, y = 0; // mean place of its samples
     std::array<uint16_t, cells * cells> in_cell{};
 };
+
+using Corners = std::array<double, 4>;
 
 class Sampler {
 public:
     Sampler(const std::vector<Seen> &seen, const View &view) : seen_(seen), view_(view) {}
 
-    // Shares of the surfaces in the pixel, by decreasing index of first sample; samples of nothing are left out.
+    // Shares of the candidates that the pixel shows.
     const std::vector<Share> &shares(int x, int y, const std::vector<int16_t> &candidates)
     {
-        place(x, y);
-        inverse_.fill(0.0);
-        winner_.fill(nothing);
-        for (const int16_t k : candidates)
-            test(k, x, y);
+        sort_out(x, y, candidates);
         shares_.clear();
-        for (int i = 0; i < samples; i++) {
-            if (winner_[i] == nothing)
-                continue;
-            Share &share = share_of(winner_[i]);
-            share.count++;
-            share.x += px_[i];
-            share.y += py_[i];
-            share.in_cell[cell_[i]]++;
+        if (rivals_.size() == 1 && rivals_[0].whole) {
+            Share &all = shares_.emplace_back();
+            all = {rivals_[0].which, samples, static_cast<double>(x), static_cast<double>(y), {}};
+            all.in_cell.fill(samples / (cells * cells));
+            return shares_;
         }
+        net_ = &net_of(x, y);
+        inverse_.fill(0.0);
+        winner_.fill(0); // 0: nothing
+        shares_.resize(1);
+        for (const Rival &rival : rivals_)
+            test(rival, x, y);
+        for (int i = 0; i < samples; i++) {
+            Share &share = shares_[winner_[i]];
+            share.count++;
+            share.x += net_->x[i];
+            share.y += net_->y[i];
+            share.in_cell[net_->cell[i]]++;
+        }
+        std::erase_if(shares_, [](const Share &s) { return s.which == nothing || s.count == 0; });
         for (Share &share : shares_) {
-            share.x /= share.count;
-            share.y /= share.count;
+            share.x = x + share.x / share.count;
+            share.y = y + share.y / share.count;
         }
         return shares_;
     }
 
 private:
-    void place(int x, int y)
+    struct Rival {
+        int16_t which;
+        bool whole;     // a quad that covers the pixel
+        bool flat;      // so that its inverse depth at the corners bounds it
+        Corners nearby; // inverse depth at the pixel's corners, from which it lies between
+    };
+
+    // Surfaces that may show in the pixel, without those wholly behind another.
+    void sort_out(int x, int y, const std::vector<int16_t> &candidates)
     {
-        uint32_t h = static_cast<uint32_t>(x + 64) * 0x9E3779B1u ^ static_cast<uint32_t>(y + 64) * 0x85EBCA77u;
-        h ^= h >> 15, h *= 0x2C1B3C6Du, h ^= h >> 13;
-        const int flip_x = h & 255, flip_y = (h >> 8) & 255;
-        for (int i = 0; i < samples; i++) {
-            int reversed = ((i & 0x55) << 1) | ((i & 0xAA) >> 1);
-            reversed = ((reversed & 0x33) << 2) | ((reversed & 0xCC) >> 2);
-            reversed = ((reversed & 0x0F) << 4) | ((reversed & 0xF0) >> 4);
-            const int ix = i ^ flip_x, iy = reversed ^ flip_y;
-            px_[i] = x - 0.5 + (ix + 0.5) / samples;
-            py_[i] = y - 0.5 + (iy + 0.5) / samples;
-            cell_[i] = static_cast<uint8_t>((iy / (samples / cells)) * cells + ix / (samples / cells));
+        rivals_.clear();
+        for (const int16_t which : candidates) {
+            const Seen &s = seen_[which];
+            Rival rival{which, false, s.surface->planar(), {}};
+            if (!touches(s, x, y, rival.whole))
+                continue;
+            for (int k = 0; k < 4; k++)
+                rival.nearby[k] = s.inverse_depth.at(x + (k & 1) - 0.5, y + (k >> 1) - 0.5);
+            rivals_.push_back(rival);
+        }
+        for (std::size_t k = 0; k < rivals_.size(); k++) {
+            if (!rivals_[k].whole)
+                continue;
+            const Rival front = rivals_[k];
+            std::erase_if(rivals_, [&](const Rival &r) {
+                return r.flat && r.which != front.which && front.nearby[0] > r.nearby[0] && front.nearby[1] > r.nearby[1]
+                       && front.nearby[2] > r.nearby[2] && front.nearby[3] > r.nearby[3];
+            });
+            for (k = 0; rivals_[k].which != front.which;)
+                k++;
         }
     }
 
-    void take(int i, int16_t k, double inverse)
+    bool touches(const Seen &s, int x, int y, bool &whole) const
     {
-        const bool nearer = inverse > inverse_[i];
-        inverse_[i] = nearer ? inverse : inverse_[i];
-        winner_[i] = nearer ? k : winner_[i];
-    }
-
-    void test(int16_t k, int x, int y)
-    {
-        const Seen &s = seen_[k];
-        if (s.surface->shape != Shape::quad) {
-            for (int i = 0; i < samples; i++)
-                take(i, k, inverse_depth_at(s, view_, px_[i], py_[i]));
-            return;
-        }
-        bool whole = true;
-        const auto against = [&](const Linear &edge) { // false: the whole pixel is outside
+        if (s.surface->shape != Shape::quad)
+            return may_touch(s, view_, x, y);
+        whole = true;
+        for (const Linear &edge : s.inside) {
             const double middle = edge.at(x, y), half = 0.5 * (std::abs(edge.x) + std::abs(edge.y));
+            if (middle < -half)
+                return false;
             whole = whole && middle > half;
-            return middle >= -half;
-        };
-        for (const Linear &edge : s.inside)
-            if (!against(edge))
-                return;
-        const Linear &d = s.inverse_depth;
-        if (!against(d) || !against({-d.x, -d.y, 1.0 / near_cm - d.c}))
-            return;
-        if (whole) {
-            for (int i = 0; i < samples; i++)
-                take(i, k, d.at(px_[i], py_[i]));
-            return;
         }
-        for (int i = 0; i < samples; i++)
-            take(i, k, inverse_depth_at(s, view_, px_[i], py_[i]));
+        const double nearest = s.inverse_depth.at(x, y) + 0.5 * (std::abs(s.inverse_depth.x) + std::abs(s.inverse_depth.y));
+        whole = whole && nearest < 1.0 / near_cm;
+        return true;
     }
 
-    Share &share_of(int16_t k)
+    // Let a surface have the samples at which it is nearer than all before it.
+    void test(const Rival &rival, int x, int y)
     {
-        for (Share &share : shares_)
-            if (share.which == k)
-                return share;
-        shares_.emplace_back().which = k;
-        return shares_.back();
+        const Seen &s = seen_[rival.which];
+        const auto slot = static_cast<uint8_t>(shares_.size());
+        if (slot == UINT8_MAX)
+            return;
+        shares_.emplace_back().which = rival.which;
+        const auto take = [&](auto &&inverse_depth) {
+            for (int i = 0; i < samples; i++) {
+                const double inverse = inverse_depth(x + net_->x[i], y + net_->y[i]);
+                const bool nearer = inverse > inverse_[i];
+                inverse_[i] = nearer ? inverse : inverse_[i];
+                winner_[i] = nearer ? slot : winner_[i];
+            }
+        };
+        if (rival.whole)
+            take([&](double px, double py) { return s.inverse_depth.at(px, py); });
+        else if (s.surface->shape == Shape::quad)
+            take([&](double px, double py) { return quad_inverse_depth(s, px, py); });
+        else
+            take([&](double px, double py) { return inverse_depth_at(s, view_, px, py); });
     }
 
     const std::vector<Seen> &seen_;
     const View &view_;
-    std::array<double, samples> px_{}, py_{}, inverse_{};
-    std::array<uint8_t, samples> cell_{};
-    std::array<int16_t, samples> winner_{};
+    const Net *net_ = nullptr;
+    std::array<double, samples> inverse_{};
+    std::array<uint8_t, samples> winner_{}; // index into shares_
     std::vector<Share> shares_;
+    std::vector<Rival> rivals_;
 };
 
 // A pixel in which surfaces meet: how its parts differ from its mean.
@@ -270,29 +348,33 @@ Spread spread_of(double sigma)
     return spread;
 }
 
-// Lens blur of whole pixels, then of what mixed pixels have beyond their mean.
-void blur(Plane<Vec3> &light, const std::vector<MixedPixel> &mixed, int width, int height, double sigma)
+// Lens blur of whole pixels, then of what mixed pixels have beyond their mean. `light` has a margin of
+// blur_radius pixels; the result has none.
+std::vector<float> blur(const Light3 &light, const std::vector<MixedPixel> &mixed, int width, int height, double sigma)
 {
     const Spread spread = spread_of(sigma);
-    std::array<double, 2 * blur_radius + 1> kernel{};
-    for (const auto &cell : spread)
-        for (std::size_t d = 0; d < kernel.size(); d++)
-            kernel[d] += cell[d] / cells;
+    std::array<float, 2 * blur_radius + 1> kernel{};
+    for (std::size_t d = 0; d < kernel.size(); d++)
+        for (const auto &cell : spread)
+            kernel[d] += static_cast<float>(cell[d] / cells);
 
-    Plane<Vec3> rows(width, height, blur_radius, Vec3{});
-    for (int y = -blur_radius; y < height + blur_radius; y++)
-        for (int x = 0; x < width; x++) {
-            Vec3 sum;
-            for (int d = -blur_radius; d <= blur_radius; d++)
-                sum = sum + kernel[d + blur_radius] * light.at(x + d, y);
-            rows.at(x, y) = sum;
+    const int row = 3 * width;
+    std::vector<float> across(static_cast<std::size_t>(row) * (height + 2 * blur_radius));
+    for (int y = -blur_radius; y < height + blur_radius; y++) {
+        float *to = &across[static_cast<std::size_t>(y + blur_radius) * row];
+        for (int d = -blur_radius; d <= blur_radius; d++) {
+            const float *from = light.at(d, y), weight = kernel[d + blur_radius];
+            for (int i = 0; i < row; i++)
+                to[i] += weight * from[i];
         }
+    }
+    std::vector<float> bgr(static_cast<std::size_t>(row) * height);
     for (int y = 0; y < height; y++)
-        for (int x = 0; x < width; x++) {
-            Vec3 sum;
-            for (int d = -blur_radius; d <= blur_radius; d++)
-                sum = sum + kernel[d + blur_radius] * rows.at(x, y + d);
-            light.at(x, y) = sum;
+        for (int d = 0; d <= 2 * blur_radius; d++) {
+            const float *from = &across[static_cast<std::size_t>(y + d) * row], weight = kernel[d];
+            float *to = &bgr[static_cast<std::size_t>(y) * row];
+            for (int i = 0; i < row; i++)
+                to[i] += weight * from[i];
         }
 
     for (const MixedPixel &pixel : mixed) {
@@ -305,47 +387,52 @@ void blur(Plane<Vec3> &light, const std::vector<MixedPixel> &mixed, int width, i
                 for (int cx = 0; cx < cells; cx++)
                     column[cy] = column[cy]
                                  + (spread[cx][dx + blur_radius] / (cells * cells)) * pixel.residual[cy * cells + cx];
-            for (int dy = std::max(-blur_radius, -pixel.y); dy <= std::min(blur_radius, height - 1 - pixel.y); dy++)
+            for (int dy = std::max(-blur_radius, -pixel.y); dy <= std::min(blur_radius, height - 1 - pixel.y); dy++) {
+                Vec3 sum;
                 for (int cy = 0; cy < cells; cy++)
-                    light.at(x, pixel.y + dy)
-                        = light.at(x, pixel.y + dy) + spread[cy][dy + blur_radius] * column[cy];
+                    sum = sum + spread[cy][dy + blur_radius] * column[cy];
+                float *to = &bgr[static_cast<std::size_t>(pixel.y + dy) * row + 3 * x];
+                to[0] += static_cast<float>(sum.x);
+                to[1] += static_cast<float>(sum.y);
+                to[2] += static_cast<float>(sum.z);
+            }
         }
     }
+    return bgr;
 }
 
 } // namespace
 
-Picture render(const Scene &scene, const View &view, double psf_px)
+std::vector<float> render(const Scene &scene, const View &view, double psf_px)
 {
     const int margin = psf_px > 0.0 ? blur_radius : 0;
     const Visible visible(scene, view, margin + 1); // one more: a pixel is judged by its neighbours
     const Tiles tiles(visible.seen, view, visible.pad);
     Sampler sampler(visible.seen, view);
 
-    Plane<Vec3> light(view.width, view.height, margin, Vec3{});
+    Light3 light(view.width, view.height, margin);
     std::vector<MixedPixel> mixed;
     for (int y = -margin; y < view.height + margin; y++)
         for (int x = -margin; x < view.width + margin; x++) {
+            Vec3 colour;
             if (visible.mixed(x, y)) {
                 MixedPixel pixel{x, y, {}};
-                light.at(x, y)
-                    = resolve(scene, view, visible.seen, sampler.shares(x, y, tiles.at(x, y)), pixel);
-                mixed.push_back(pixel);
+                const std::vector<Share> &shares = sampler.shares(x, y, tiles.at(x, y));
+                colour = resolve(scene, view, visible.seen, shares, pixel);
+                if (shares.size() != 1 || shares[0].count != samples)
+                    mixed.push_back(pixel);
             } else if (visible.which.at(x, y) != nothing) {
-                light.at(x, y) = shade(scene, visible.seen[visible.which.at(x, y)], view, x, y,
-                                       visible.inverse_depth.at(x, y));
+                colour = shade(scene, visible.seen[visible.which.at(x, y)], view, x, y,
+                               visible.inverse_depth.at(x, y));
             }
+            float *to = light.at(x, y);
+            to[0] = static_cast<float>(colour.x);
+            to[1] = static_cast<float>(colour.y);
+            to[2] = static_cast<float>(colour.z);
         }
     if (psf_px > 0.0)
-        blur(light, mixed, view.width, view.height, psf_px);
-
-    Picture picture{view.width, view.height, {}};
-    picture.bgr.reserve(static_cast<std::size_t>(view.width) * view.height * 3);
-    for (int y = 0; y < view.height; y++)
-        for (int x = 0; x < view.width; x++)
-            for (const double c : {light.at(x, y).x, light.at(x, y).y, light.at(x, y).z})
-                picture.bgr.push_back(static_cast<float>(c));
-    return picture;
+        return blur(light, mixed, view.width, view.height, psf_px);
+    return light.data();
 }
 
 Truth truth(const Scene &scene, const View &view)

@@ -6,11 +6,6 @@
 
 #include "view.hpp"
 
-struct Picture {
-    int width = 0, height = 0;
-    std::vector<float> bgr; // height * width * 3
-};
-
 struct Truth {
     std::vector<float> depth;     // along the optical axis at each pixel's centre, 0 where nothing is
     std::vector<uint16_t> part;   // at each pixel's centre, 0 where nothing is
@@ -19,7 +14,8 @@ struct Truth {
     std::vector<double> mean_z;   // depth averaged over that area, 0 without one
 };
 
-// psf_px is the standard deviation of a Gaussian blur before the pixels' own integration; 0 for none.
-Picture render(const Scene &scene, const View &view, double psf_px);
+// Light at the pixels, BGR interleaved, by rows. psf_px is the standard deviation of a Gaussian blur before the
+// pixels' own integration; 0 for none.
+std::vector<float> render(const Scene &scene, const View &view, double psf_px);
 
 Truth truth(const Scene &scene, const View &view);

@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "vec.hpp"
+#include "vec3.hpp"
 
 enum class Pattern { plain, wood, tiles };
 

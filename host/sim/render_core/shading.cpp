@@ -21,17 +21,25 @@ uint32_t hash(int32_t x, int32_t y, uint32_t seed)
 
 double lattice(int32_t x, int32_t y, uint32_t seed) { return hash(x, y, seed) * (2.0 / 4294967295.0) - 1.0; }
 
+// std::floor and std::lerp are calls on a plain x86-64, and this is the innermost loop.
+int32_t floor_of(double x)
+{
+    const auto down = static_cast<int32_t>(x);
+    return down - (x < down);
+}
+
+double mix(double a, double b, double t) { return a + t * (b - a); }
+
 double smooth(double t) { return t * t * t * (t * (6.0 * t - 15.0) + 10.0); }
 
 // Value noise of wavelengths of about two lattice steps and more, in -1..1, mean 0.
 double value_noise(double x, double y, uint32_t seed)
 {
-    const double fx = std::floor(x), fy = std::floor(y);
-    const auto ix = static_cast<int32_t>(fx), iy = static_cast<int32_t>(fy);
-    const double sx = smooth(x - fx), sy = smooth(y - fy);
-    const double upper = std::lerp(lattice(ix, iy, seed), lattice(ix + 1, iy, seed), sx);
-    const double lower = std::lerp(lattice(ix, iy + 1, seed), lattice(ix + 1, iy + 1, seed), sx);
-    return std::lerp(upper, lower, sy);
+    const int32_t ix = floor_of(x), iy = floor_of(y);
+    const double sx = smooth(x - ix), sy = smooth(y - iy);
+    const double upper = mix(lattice(ix, iy, seed), lattice(ix + 1, iy, seed), sx);
+    const double lower = mix(lattice(ix, iy + 1, seed), lattice(ix + 1, iy + 1, seed), sx);
+    return mix(upper, lower, sy);
 }
 
 // Two octaves with lattice steps of step_u and step_v; an octave fades out before a pixel covers half of its
@@ -54,7 +62,7 @@ double noise(const Spot &spot, double step_u, double step_v, uint32_t seed)
 double line_cover(double x, double reach, double period, double line)
 {
     const auto integral = [&](double t) { // length of line in 0..t
-        const double n = std::floor(t / period);
+        const double n = floor_of(t / period);
         return n * line + std::min(t - n * period, line);
     };
     const double width = std::max(reach, 1e-6 * period), middle = x + 0.5 * line;
@@ -65,11 +73,11 @@ double line_cover(double x, double reach, double period, double line)
 double plank_tone(double x, double reach, double plank, uint32_t seed)
 {
     const double left = (x - 0.5 * reach) / plank, right = (x + 0.5 * reach) / plank;
-    const double first = std::floor(left), last = std::floor(right);
-    const auto tone = [&](double k) { return lattice(static_cast<int32_t>(k), 0, seed); };
+    const int32_t first = floor_of(left), last = floor_of(right);
+    const auto tone = [&](int32_t k) { return lattice(k, 0, seed); };
     if (last == first)
         return tone(first);
-    if (last > first + 1.0) // several under one pixel: their mean
+    if (last > first + 1) // several under one pixel: their mean
         return 0.0;
     return (tone(first) * (last - left) + tone(last) * (right - last)) / (right - left);
 }
@@ -97,8 +105,8 @@ Vec3 albedo(const Material &m, const Spot &spot)
     return std::max(light, 0.0) * m.colour;
 }
 
-// Reach of one pixel along a direction `along` in the tangent plane: the point moves with the ray and with
-// the depth at which the ray meets the plane.
+// Reach of one pixel along a direction in the tangent plane: the point moves with the ray and with the depth
+// at which the ray meets the plane.
 double reach(const View &view, const Vec3 &ray, const Vec3 &normal, double depth, const Vec3 &along)
 {
     const double towards = dot(normal, ray);
@@ -108,6 +116,41 @@ double reach(const View &view, const Vec3 &ray, const Vec3 &normal, double depth
     return depth * (std::abs(dot(view.right, slide)) / view.fx + std::abs(dot(view.down, slide)) / view.fy);
 }
 
+Spot planar_spot(const Seen &seen, double px, double py, double depth)
+{
+    Spot spot;
+    for (int k = 0; k < 2; k++) { // quotient of two linear functions, and its derivatives
+        const Linear &on = seen.on[k], &d = seen.inverse_depth;
+        const double at = on.at(px, py) * depth;
+        const double reach_here = depth * (std::abs(on.x - at * d.x) + std::abs(on.y - at * d.y));
+        (k == 0 ? spot.u : spot.v) = at;
+        (k == 0 ? spot.reach_u : spot.reach_v) = reach_here;
+    }
+    return spot;
+}
+
+// Also finds the normal.
+Spot curved_spot(const Surface &s, const View &view, const Vec3 &ray, const Vec3 &point, double depth, Vec3 &normal)
+{
+    const Vec3 from = point - s.origin;
+    const double around = std::atan2(from.x, -from.z);
+    const Vec3 along_u = {std::cos(around), 0.0, std::sin(around)};
+    Vec3 along_v = {0.0, 1.0, 0.0};
+    Spot spot;
+    spot.u = s.radius * around;
+    if (s.shape == Shape::sphere) {
+        normal = (1.0 / s.radius) * from;
+        along_v = cross(along_u, normal);
+        spot.v = s.radius * std::asin(std::clamp(normal.y, -1.0, 1.0));
+    } else {
+        normal = {from.x / s.radius, 0.0, from.z / s.radius};
+        spot.v = from.y;
+    }
+    spot.reach_u = reach(view, ray, normal, depth, along_u);
+    spot.reach_v = reach(view, ray, normal, depth, along_v);
+    return spot;
+}
+
 double distance_to(const Occluder &o, double x, double z)
 {
     const double dx = x - o.x, dz = z - o.z;
@@ -115,8 +158,8 @@ double distance_to(const Occluder &o, double x, double z)
         return std::sqrt(dx * dx + dz * dz) - o.radius;
     const double a = std::abs(o.cos_yaw * dx - o.sin_yaw * dz) - o.half_u;
     const double b = std::abs(o.sin_yaw * dx + o.cos_yaw * dz) - o.half_v;
-    const double outside = std::hypot(std::max(a, 0.0), std::max(b, 0.0));
-    return outside + std::min(std::max(a, b), 0.0);
+    const double out_a = std::max(a, 0.0), out_b = std::max(b, 0.0);
+    return std::sqrt(out_a * out_a + out_b * out_b) + std::min(std::max(a, b), 0.0);
 }
 
 // Share of the lamp's and of the ambient light that things standing about leave on the floor.
@@ -125,9 +168,9 @@ void shadow(const Scene &scene, const Vec3 &point, double &lamp, double &ambient
     const double height = scene.floor_y - scene.light.lamp.y;
     const double slope_x = (scene.light.lamp.x - point.x) / height;
     const double slope_z = (scene.light.lamp.z - point.z) / height;
-    const double slope = std::hypot(slope_x, slope_z);
+    const double slope = std::sqrt(slope_x * slope_x + slope_z * slope_z);
     for (const Occluder &o : scene.occluders) {
-        const double size = o.radius > 0.0 ? o.radius : std::hypot(o.half_u, o.half_v);
+        const double size = o.radius > 0.0 ? o.radius : o.half_u + o.half_v;
         const double away = size + slope * o.height + 0.3 * o.height + 14.0;
         const double dx = point.x - o.x, dz = point.z - o.z;
         if (dx * dx + dz * dz > away * away)
@@ -152,35 +195,9 @@ Vec3 shade(const Scene &scene, const Seen &seen, const View &view, double px, do
     const Surface &s = *seen.surface;
     const double depth = 1.0 / inverse_depth;
     const Vec3 ray = view.ray(px, py), point = view.eye + depth * ray;
-    const Vec3 from = point - s.origin;
 
-    Spot spot;
-    Vec3 normal = s.normal, along_u, along_v;
-    switch (s.shape) {
-    case Shape::quad:
-    case Shape::disc:
-        along_u = unit(s.u), along_v = unit(s.v);
-        spot.u = dot(from, along_u), spot.v = dot(from, along_v);
-        break;
-    case Shape::sphere:
-    case Shape::cylinder: {
-        const double around = std::atan2(from.x, -from.z);
-        spot.u = s.radius * around;
-        along_u = {std::cos(around), 0.0, std::sin(around)};
-        if (s.shape == Shape::sphere) {
-            normal = (1.0 / s.radius) * from;
-            along_v = cross(along_u, normal);
-            spot.v = s.radius * std::asin(std::clamp(normal.y, -1.0, 1.0));
-        } else {
-            normal = {from.x / s.radius, 0.0, from.z / s.radius};
-            along_v = {0.0, 1.0, 0.0};
-            spot.v = from.y;
-        }
-        break;
-    }
-    }
-    spot.reach_u = reach(view, ray, normal, depth, along_u);
-    spot.reach_v = reach(view, ray, normal, depth, along_v);
+    Vec3 normal = s.normal;
+    const Spot spot = s.planar() ? planar_spot(seen, px, py, depth) : curved_spot(s, view, ray, point, depth, normal);
 
     const Light &light = scene.light;
     const Vec3 to_lamp = light.lamp - point;

@@ -59,11 +59,6 @@ bool bound(const Surface &surface, const View &view, int pad, Seen &seen)
 
 Linear sum(const Linear &a, double k, const Linear &b) { return {a.x + k * b.x, a.y + k * b.y, a.c + k * b.c}; }
 
-double accept(double inverse_depth)
-{
-    return inverse_depth > 0.0 && inverse_depth < 1.0 / near_cm ? inverse_depth : 0.0;
-}
-
 // Nearer root of the quadratic a t^2 + 2 b t + c = 0 as 1/t; a negative discriminant counts as none,
 // or as zero when `force` is set.
 double inverse_of_near_root(double a, double b, double c, bool force)
@@ -83,7 +78,7 @@ double curved_at(const Surface &s, const View &view, double px, double py, bool 
     const Vec3 d = view.ray(px, py), o = view.eye - s.origin;
     if (s.shape == Shape::sphere) {
         const double c = dot(o, o) - s.radius * s.radius;
-        return c <= 0.0 ? 0.0 : accept(inverse_of_near_root(dot(d, d), dot(d, o), c, force));
+        return c <= 0.0 ? 0.0 : in_front(inverse_of_near_root(dot(d, d), dot(d, o), c, force));
     }
     const double c = o.x * o.x + o.z * o.z - s.radius * s.radius;
     if (c <= 0.0)
@@ -92,7 +87,7 @@ double curved_at(const Surface &s, const View &view, double px, double py, bool 
     if (inverse <= 0.0)
         return 0.0;
     const double up = -(o.y + d.y / inverse);
-    return force || (up >= 0.0 && up <= s.height) ? accept(inverse) : 0.0;
+    return force || (up >= 0.0 && up <= s.height) ? in_front(inverse) : 0.0;
 }
 
 } // namespace
@@ -110,39 +105,50 @@ bool see(const Surface &surface, const View &view, int pad, Seen &seen)
     const Linear towards = view.along(surface.normal);
     seen.inverse_depth = {towards.x / distance, towards.y / distance, towards.c / distance};
     const Vec3 offset = view.eye - surface.origin;
-    std::array<Linear, 2> on; // coordinates on the surface, divided by depth
     for (int k = 0; k < 2; k++) {
         const Vec3 &edge = k == 0 ? surface.u : surface.v;
-        const Vec3 dual = (1.0 / dot(edge, edge)) * edge;
-        on[k] = sum(view.along(dual), dot(offset, dual), seen.inverse_depth);
+        const Vec3 along = unit(edge);
+        seen.length[k] = std::sqrt(dot(edge, edge));
+        seen.on[k] = sum(view.along(along), dot(offset, along), seen.inverse_depth);
+        const Linear &d = seen.inverse_depth, &on = seen.on[k];
+        seen.inside[2 * k] = on;
+        seen.inside[2 * k + 1] = sum({-on.x, -on.y, -on.c}, seen.length[k], d);
     }
-    if (surface.shape == Shape::quad)
-        seen.inside = {on[0], sum(seen.inverse_depth, -1.0, on[0]), on[1], sum(seen.inverse_depth, -1.0, on[1])};
-    else
-        seen.inside = {on[0], on[1], {}, {}};
     return true;
 }
 
 double inverse_depth_at(const Seen &seen, const View &view, double px, double py)
 {
-    const Surface &surface = *seen.surface;
-    if (!surface.planar())
-        return curved_at(surface, view, px, py, false);
-    const double inverse = accept(seen.inverse_depth.at(px, py));
-    if (inverse == 0.0)
-        return 0.0;
-    if (surface.shape == Shape::disc) {
-        const double a = seen.inside[0].at(px, py), b = seen.inside[1].at(px, py);
-        return a * a + b * b <= inverse * inverse ? inverse : 0.0;
+    switch (seen.surface->shape) {
+    case Shape::quad:
+        return quad_inverse_depth(seen, px, py);
+    case Shape::disc: {
+        const double inverse = in_front(seen.inverse_depth.at(px, py));
+        const double a = seen.on[0].at(px, py), b = seen.on[1].at(px, py), r = seen.length[0] * inverse;
+        return a * a + b * b <= r * r ? inverse : 0.0;
     }
-    for (const Linear &edge : seen.inside)
-        if (edge.at(px, py) < 0.0)
-            return 0.0;
-    return inverse;
+    default:
+        return curved_at(*seen.surface, view, px, py, false);
+    }
 }
 
 double inverse_depth_near(const Seen &seen, const View &view, double px, double py)
 {
     const Surface &surface = *seen.surface;
-    return surface.planar() ? accept(seen.inverse_depth.at(px, py)) : curved_at(surface, view, px, py, true);
+    return surface.planar() ? in_front(seen.inverse_depth.at(px, py)) : curved_at(surface, view, px, py, true);
+}
+
+bool may_touch(const Seen &seen, const View &view, double px, double py)
+{
+    const Surface &s = *seen.surface;
+    if (s.planar())
+        return true;
+    // how far off the ray through the pixel's centre a ray through its corner can be at the surface
+    const Vec3 d = view.ray(px, py), o = view.eye - s.origin;
+    const double far = std::sqrt(dot(o, o)) + s.radius + s.height;
+    const double slack = far / std::min(view.fx, view.fy);
+    const Vec3 n = s.shape == Shape::sphere ? cross(o, d) : Vec3{0.0, o.z * d.x - o.x * d.z, 0.0};
+    const double along2 = s.shape == Shape::sphere ? dot(d, d) : d.x * d.x + d.z * d.z;
+    const double reach = s.radius + slack;
+    return dot(n, n) <= reach * reach * along2;
 }

@@ -35,7 +35,9 @@ struct View {
 struct Seen {
     const Surface *surface = nullptr;
     Linear inverse_depth;
-    std::array<Linear, 4> inside; // quad: all >= 0 inside; disc: [0]^2 + [1]^2 <= inverse_depth^2
+    std::array<Linear, 2> on;           // cm along u and v from the origin, divided by depth
+    std::array<double, 2> length{};     // of u and v
+    std::array<Linear, 4> inside;       // quad: all >= 0 inside
     int x0 = 0, x1 = 0, y0 = 0, y1 = 0; // pixels that may show it: x0 <= x < x1
 };
 
@@ -45,8 +47,25 @@ constexpr double near_cm = 0.5;
 // False when nothing of the surface can be seen. Pixels from -pad to width + pad count as the image.
 bool see(const Surface &surface, const View &view, int pad, Seen &seen);
 
-// Inverse depth at which the ray through a pixel meets the surface; 0 when it does not.
+// What lies behind the camera or too near to it counts as no hit.
+inline double in_front(double inverse_depth)
+{
+    return inverse_depth > 0.0 && inverse_depth < 1.0 / near_cm ? inverse_depth : 0.0;
+}
+
+// Inverse depth at which the ray through a pixel meets a quad; 0 when it does not.
+inline double quad_inverse_depth(const Seen &seen, double px, double py)
+{
+    const bool hit = (seen.inside[0].at(px, py) >= 0.0) & (seen.inside[1].at(px, py) >= 0.0)
+                     & (seen.inside[2].at(px, py) >= 0.0) & (seen.inside[3].at(px, py) >= 0.0);
+    return hit ? in_front(seen.inverse_depth.at(px, py)) : 0.0;
+}
+
+// The same for any surface.
 double inverse_depth_at(const Seen &seen, const View &view, double px, double py);
 
 // As above, but a ray that passes by gets the nearest thing to a hit (planes go on beyond their edges).
 double inverse_depth_near(const Seen &seen, const View &view, double px, double py);
+
+// False when the surface surely shows nowhere in the pixel.
+bool may_touch(const Seen &seen, const View &view, double px, double py);
