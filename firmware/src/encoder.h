@@ -84,9 +84,10 @@ void encoder_init(struct encoder *encoder, const struct encoder_edges *edges, ui
 //
 // Speed is distance over time between the newest edge and the latest earlier edge of the same phase and
 // direction: A and B need not be a quarter apart, nor high and low equally wide, for this to be exact. With
-// no such edge (just started, or more than a cycle per tick) the oldest remembered edge serves. Between edges
-// the speed is bounded by "an edge would have come": one and a half counts, since uneven phases may stretch
-// one count that far, over the time since the last edge. After ENCODER_STILL_US without one it is zero.
+// no such edge (just started, or edges closer together than ticks, of which only the last is seen) the oldest
+// remembered edge serves. Between edges the speed is bounded by "an edge would have come": one and a half
+// counts, since uneven phases may stretch one count that far, over the time since the last edge. After
+// ENCODER_STILL_US without one it is zero.
 void encoder_update(struct encoder *encoder, const struct encoder_edges *edges, uint32_t now_us);
 
 #endif

@@ -39,13 +39,13 @@ def test_counts_and_faults_are_those_of_an_ideal_decoder(
 
 @settings(max_examples=150, deadline=None)
 @given(
-    speed_mm_s=st.floats(20, 1000),
+    speed_mm_s=st.floats(20, 600),  # the fastest a wheel may be asked to go; no two edges within a tick
     widths=st.lists(st.floats(0.75, 1.25), min_size=4, max_size=4),
     direction=st.sampled_from([-1, 1]),
     tick_phase_us=st.integers(0, TICK_US - 1),
     start_us=st.integers(0, 2**32 - 1),
 )
-def test_steady_speed_is_within_one_percent_however_uneven_the_phases(
+def test_steady_speed_is_right_however_uneven_the_phases(
     firmware: FirmwareInC,
     speed_mm_s: float,
     widths: list[float],
@@ -66,7 +66,7 @@ def test_steady_speed_is_within_one_percent_however_uneven_the_phases(
         firmware.c.shim_encoder_update(encoder, (start_us + tick_us) % 2**32)
         if edges >= 8:
             estimate_mm_s = firmware.c.shim_encoder_speed_q4(encoder) / 16
-            assert abs(estimate_mm_s - direction * speed_mm_s) <= 0.01 * speed_mm_s + 1 / 16
+            assert abs(estimate_mm_s - direction * speed_mm_s) <= 0.001 * speed_mm_s + 1 / 16
 
 
 @settings(max_examples=150, deadline=None)
