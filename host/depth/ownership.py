@@ -51,9 +51,9 @@ def edge_owners(
         relative = ratio if side == 0 else 1 / np.maximum(ratio, 1e-12)
         farther = relative < 1 - SAME_DEPTH
         tie = np.abs(relative - 1) <= SAME_DEPTH
-        surrounds = (share[:, other] > SURROUND_RATIO * share[:, side]) | (
-            border[:, side] & ~border[:, other]
-        )
-        lost = explained_by_other | (undecided & (farther | (tie & surrounds)))
+        around = share[:, other] > SURROUND_RATIO * share[:, side]
+        inside = share[:, side] > SURROUND_RATIO * share[:, other]
+        behind = around | (border[:, side] & ~border[:, other])
+        lost = explained_by_other | (undecided & ((farther & ~inside) | (tie & behind)))
         mine[:, side] = ~(lost & known[:, other])
     return mine
