@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 
 @dataclass(frozen=True)
@@ -14,6 +14,9 @@ class BodyConfig:
     radius_cm: float = 12.0  # of the disc that holds the whole robot
     camera_height_cm: float = 15.0  # lens above the floor
     camera_ahead_cm: float = 12.0  # lens in front of the axle's middle
+
+    def __post_init__(self) -> None:
+        _check_positive(self, zero_allowed={"camera_ahead_cm"})
 
 
 @dataclass(frozen=True)
@@ -35,3 +38,20 @@ class NavConfig:
     map_half_cm: float = 400.0  # the map reaches this far from the start on every side
     cell_cm: float = 5.0  # side of a map cell
     memory_s: float = 60.0  # evidence fades to 1/e in this time
+
+    def __post_init__(self) -> None:
+        _check_positive(self, zero_allowed={"reaction_s", "comfort_cm"})
+        if self.frame_stale_s > 0.3:
+            raise ValueError(f"frame_stale_s = {self.frame_stale_s} is over 0.3: too old to drive on")
+        if self.creep_cm_s > self.speed_cm_s:
+            raise ValueError(f"creep_cm_s = {self.creep_cm_s} is over speed_cm_s = {self.speed_cm_s}")
+        if self.map_half_cm / self.cell_cm > 400:
+            raise ValueError(
+                f"map_half_cm = {self.map_half_cm} is over 400 cells of cell_cm = {self.cell_cm}"
+            )
+
+
+def _check_positive(config: BodyConfig | NavConfig, zero_allowed: set[str]) -> None:
+    for key, value in asdict(config).items():
+        if not (value > 0 or (value == 0 and key in zero_allowed)):
+            raise ValueError(f"{key} = {value} must be above zero")

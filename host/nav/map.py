@@ -13,27 +13,23 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
 from host.camera.lens import Lens
 from host.depth.report import DepthReport
 from host.nav.config import BodyConfig, NavConfig
+from host.nav.floor import FARTHEST_CM, NO_REGION, SIGMA_RAY, STEP_PX, FloorFinder, Rays, label_image, rays_of
 from host.nav.odometry import heading_of
 from host.pose import Pose
 from host.rbdn.snapshot import Region, Snapshot
 
-STEP_PX = 2  # the regions are looked at on every second pixel
-FARTHEST_FLOOR_CM = 500.0  # above the row where the floor is this far away nothing counts as floor
-SIGMA_RAY = 0.01  # of the tilt of the floor's plane against the camera, rad
 RANGE_CM = 300.0  # evidence is taken up to here
 SHELL_CM = 8.0  # how far behind a seen surface its cells are filled
 DEEPEST_CM = 40.0  # things are taken to be as deep as they are wide, up to this, until floor is seen there
-FLOOR_COLOUR = 20.0  # mean colours nearer than this to a proven floor's are floor too
 OCCUPIED, FREE = 0.8, -0.4  # log-odds beyond which a cell counts as one or the other
 LIMIT = 4.0
+BARELY_FREE = 1.5 * FREE  # what may be floor never counts for more
 PRESUMED = 1.0  # what is only presumed behind a surface never counts for more
-NO_REGION = -1
 
 
 @dataclass(frozen=True)
@@ -52,15 +48,6 @@ class Obstacle:
         return f"region {self.region} at {self.depth_cm:.0f} ±{self.sigma_cm:.1f} cm ({self.how})"
 
 
-def label_image(snapshot: Snapshot, lens: Lens) -> np.ndarray:
-    """Region id of every second pixel, (H // 2, W // 2) int32; NO_REGION where none is."""
-    labels = np.full((lens.height // STEP_PX, lens.width // STEP_PX), NO_REGION, np.int32)
-    for region in snapshot.regions:
-        loops = [np.round((loop - 0.5) / STEP_PX * 16).astype(np.int32) for loop in region.loops]
-        cv2.fillPoly(labels, loops, region.id, shift=4)
-    return labels
-
-
 class ObstacleMap:
     """Grid of evidence in the odometry frame, and the last sighting of every region.
 
@@ -77,8 +64,7 @@ class ObstacleMap:
         self._half = side // 2 * config.cell_cm
         self.centres_cm = (np.arange(side) + 0.5) * config.cell_cm - self._half
         self._t_s: float | None = None
-        self._floor_votes: dict[int, float] = {}
-        self._floor_rgb: np.ndarray | None = None
+        self.floor = FloorFinder(body.camera_height_cm)
 
     # ---- asking ----
 
@@ -109,9 +95,6 @@ class ObstacleMap:
     def obstacle_at(self, row: int, col: int) -> Obstacle | None:
         return self.obstacles.get(int(self.region[row, col]))
 
-    def is_floor(self, region_id: int) -> bool:
-        return self._floor_votes.get(region_id, 0.0) > 0.0
-
     # ---- learning ----
 
     def stand_on(self, x_cm: float, z_cm: float) -> None:
@@ -124,19 +107,13 @@ class ObstacleMap:
         """Take in one frame. The pose is the camera's, level up to SIGMA_RAY."""
         self._fade(pose.t_s)
         labels = label_image(snapshot, lens)
-        rays = _rays_of(labels.shape, lens, pose)
-        for region in snapshot.regions:
-            self._vote_floor(region, report, pose, lens, labels, rays)
-        known = {region.id for region in snapshot.regions}
-        self._floor_votes = {k: v for k, v in self._floor_votes.items() if k in known}
-        self._learn_floor_colour(snapshot)
-
-        floor = np.isin(labels, [r for r in known if self.is_floor(r)])
+        rays = rays_of(labels.shape, lens, pose)
+        floor, unsure = self.floor.update(snapshot, report, pose, labels, rays)
         feet = _Feet(labels, floor, rays, self.body.camera_height_cm)
         free_to = feet.depth_cm - 2 * feet.sigma_cm
         bars = []  # (columns, depth per column, sigma, region, weight)
         for region in snapshot.regions:
-            if self.is_floor(region.id):
+            if self.floor.is_floor(region.id) or self.floor.is_mixed(region.id):
                 continue
             found = self._place(region, report, feet, labels, pose)
             if found is not None:
@@ -144,69 +121,13 @@ class ObstacleMap:
                 self.obstacles[region.id] = obstacle
                 bars.append((columns, depth, obstacle.sigma_cm, region.id, weight))
                 free_to[columns] = np.minimum(free_to[columns], depth - 2 * obstacle.sigma_cm)
-        self._paint(pose, lens, labels.shape[1], feet, free_to, bars)
+        self._paint(pose, lens, feet, free_to, unsure.any(axis=0), bars)
 
     def _fade(self, t_s: float) -> None:
         if self._t_s is not None:
             self.evidence *= math.exp(-max(0.0, t_s - self._t_s) / self.config.memory_s)
         self._t_s = t_s
         self.obstacles = {k: o for k, o in self.obstacles.items() if t_s - o.t_s < 2 * self.config.memory_s}
-
-    # ---- floor or not ----
-
-    def _vote_floor(self, region: Region, report: DepthReport, pose: Pose, lens: Lens, labels, rays) -> None:
-        """One frame's vote on whether a region is floor; votes add up, so one bad frame changes nothing."""
-        height = self.body.camera_height_cm
-        mine = labels == region.id
-        if not mine.any():
-            return
-        before = self._floor_votes.get(region.id)
-        ray_y = rays.down[mine]
-        crosses = float((ray_y < height / FARTHEST_FLOOR_CM).mean())
-        if crosses > 0.02:
-            self._floor_votes[region.id] = -3.0
-            return
-        vote = 0.0
-        measured = _depth_of(report, region)
-        if measured is not None:
-            z, sigma, _ = measured
-            lying = float(np.mean(height / ray_y))
-            columns = np.nonzero(mine.any(axis=0))[0]
-            lowest = len(mine) - 1 - np.argmax(mine[::-1, columns], axis=0)
-            standing = float(np.mean(height / rays.down[lowest, columns]))
-            if lying - standing > 2 * sigma:
-                vote += 0.5 if abs(z - lying) < abs(z - standing) else -0.5
-        on, above = self._vertex_heights(region, report, pose, lens)
-        if on + above >= 3:
-            vote += 0.5 * (on - 2 * above) / (on + above)
-        if vote == 0.0 and before is None:
-            rgb = np.array(region.mean_rgb)
-            bottom_middle = mine[-1, mine.shape[1] // 3 : 2 * mine.shape[1] // 3].mean() > 0.3
-            like_floor = self._floor_rgb is not None and np.linalg.norm(rgb - self._floor_rgb) < FLOOR_COLOUR
-            vote = 0.5 if like_floor or (self._floor_rgb is None and bottom_middle) else -0.1
-        self._floor_votes[region.id] = float(np.clip((before or 0.0) + vote, -3.0, 3.0))
-
-    def _vertex_heights(self, region: Region, report: DepthReport, pose: Pose, lens: Lens) -> tuple[int, int]:
-        """How many of a region's corners lie on the floor, and how many surely above it."""
-        ids = np.concatenate(region.loop_vertices) if region.loop_vertices else np.empty(0, np.int64)
-        pick = np.isin(report.vertices.ids, ids) & np.isfinite(report.vertices.sigma_cm)
-        if not pick.any():
-            return 0, 0
-        xyz = report.vertices.xyz_cm[pick]
-        down = (xyz @ pose.rotation.T)[:, 1]
-        slope = np.abs(down) / np.maximum(xyz[:, 2], 1.0)
-        sigma = np.hypot(report.vertices.sigma_cm[pick] * slope, xyz[:, 2] * SIGMA_RAY)
-        over = self.body.camera_height_cm - down
-        sure = sigma < 2.0
-        on, above = np.abs(over) < 2 * sigma + 1.0, over > 2 * sigma + 2.0
-        return int((sure & on).sum()), int((sure & above).sum())
-
-    def _learn_floor_colour(self, snapshot: Snapshot) -> None:
-        proven = [r for r in snapshot.regions if self._floor_votes.get(r.id, 0.0) > 0.4]
-        if proven:
-            widest = max(proven, key=lambda r: r.area_px)
-            rgb = np.array(widest.mean_rgb)
-            self._floor_rgb = rgb if self._floor_rgb is None else 0.9 * self._floor_rgb + 0.1 * rgb
 
     # ---- where a region stands ----
 
@@ -269,7 +190,8 @@ class ObstacleMap:
 
     # ---- the grid ----
 
-    def _paint(self, pose: Pose, lens: Lens, width: int, feet: _Feet, free_to, bars) -> None:
+    def _paint(self, pose: Pose, lens: Lens, feet: _Feet, free_to, unsure, bars) -> None:
+        width = len(free_to)
         x0, z0 = float(pose.position_cm[0]), float(pose.position_cm[2])
         r0, c0 = self.cell_of(x0 - RANGE_CM, z0 - RANGE_CM)
         r1, c1 = self.cell_of(x0 + RANGE_CM, z0 + RANGE_CM)
@@ -290,7 +212,10 @@ class ObstacleMap:
         before = self.evidence[rows, cols]
         change = np.zeros(len(depth), np.float32)
         half = self.config.cell_cm / 2
-        change[(depth < free_to[column] - half) & (depth > feet.nearest_cm)] = -0.4
+        empty = (depth < free_to[column] - half) & (depth > feet.nearest_cm)
+        doubtful = empty & unsure[column]
+        change[empty] = -0.4
+        change[doubtful] = np.where((before > OCCUPIED) | (before < BARELY_FREE), 0.0, -0.2)[doubtful]
         filled = np.full(len(depth), NO_REGION, np.int32)
         for columns, bar, sigma, region, weight in bars:
             at = np.full(width, np.nan)
@@ -300,6 +225,8 @@ class ObstacleMap:
             wide = bar.mean() * len(columns) * STEP_PX / lens.fx
             off = depth - at[column]
             hit = (off > -front) & (off < back)
+            if weight < 0.5:
+                hit &= before < PRESUMED
             change[hit] = np.maximum(change[hit], weight)
             behind = (off >= back) & (off < min(wide, DEEPEST_CM)) & (np.abs(before) < PRESUMED)
             change[behind] = np.maximum(change[behind], weight)
@@ -316,32 +243,13 @@ def _depth_of(report: DepthReport, region: Region) -> tuple[float, float, str] |
     return found.depth_cm, found.sigma_cm, found.method or "depth"
 
 
-@dataclass(frozen=True)
-class _Rays:
-    across: np.ndarray  # (W // 2,) X/Z of the column in the level camera frame
-    down: np.ndarray  # (H // 2, W // 2) Y/Z, world down
-
-
-def _rays_of(shape: tuple[int, int], lens: Lens, pose: Pose) -> _Rays:
-    """Rays of the label image's pixels with pitch and roll of the pose taken out, heading left in."""
-    rows, cols = shape
-    xs = np.arange(cols) * STEP_PX + 0.5 * (STEP_PX - 1)
-    ys = np.arange(rows) * STEP_PX + 0.5 * (STEP_PX - 1)
-    grid = np.stack(np.meshgrid(xs, ys), axis=-1).reshape(-1, 2)
-    rays = np.column_stack([lens.to_rays(grid), np.ones(len(grid))])
-    level = Pose.planar(0.0, 0.0, heading_of(pose)).rotation.T @ pose.rotation
-    rays = rays @ level.T
-    rays = rays[:, :2] / rays[:, 2:]
-    return _Rays(rays[:, 0].reshape(shape)[rows // 2], rays[:, 1].reshape(shape))
-
-
 class _Feet:
     """Per image column the first thing above the floor: its region, depth of its foot and sigma.
 
     ``cut`` marks columns where the floor is not seen at all: the foot is at or below the image's border.
     """
 
-    def __init__(self, labels: np.ndarray, floor: np.ndarray, rays: _Rays, height_cm: float):
+    def __init__(self, labels: np.ndarray, floor: np.ndarray, rays: Rays, height_cm: float):
         rows, cols = labels.shape
         floor = floor | (labels == NO_REGION)
         stop = np.argmax(~floor[::-1], axis=0)  # floor pixels from the bottom up to the first foot
@@ -353,7 +261,7 @@ class _Feet:
         # the foot's ray passes between the foot's pixel and the floor's pixel below it
         below = np.minimum(row + 1, rows - 1)
         down = np.maximum(0.5 * (rays.down[row, column] + rays.down[below, column]), 1e-6)
-        self.depth_cm = np.minimum(height_cm / down, FARTHEST_FLOOR_CM)
+        self.depth_cm = np.minimum(height_cm / down, FARTHEST_CM)
         self.sigma_cm = self.depth_cm**2 / height_cm * SIGMA_RAY
         self.nearest_cm = float(height_cm / rays.down[-1].max())
         self._across = rays.across

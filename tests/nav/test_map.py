@@ -86,7 +86,7 @@ def test_where_depth_and_foot_contradict_each_other_the_nearer_one_counts(depth)
 def test_floor_is_no_obstacle_and_frees_the_ground_up_to_the_first_thing():
     box_map = look(PlanarWorld([BOX]), fresh(), {10: (90.0, 0.9)})
     assert FLOOR_ID not in box_map.obstacles
-    assert box_map.is_floor(FLOOR_ID)
+    assert box_map.floor.is_floor(FLOOR_ID)
     assert box_map.evidence[box_map.cell_of(0, 60)] < FREE
     assert box_map.evidence[box_map.cell_of(0, 92)] > OCCUPIED
 
@@ -127,7 +127,7 @@ def test_a_rug_whose_depth_lies_on_the_floor_becomes_floor():
     report = DepthReport({10: RegionDepth(100.0, 2.0, "area", None)}, NO_VERTICES)
     for k in range(8):
         rug_map.update(flat, report, Pose.planar(0, 0, 0, t_s=k / 10), LENS)
-    assert rug_map.is_floor(10)
+    assert rug_map.floor.is_floor(10)
     assert rug_map.evidence[rug_map.cell_of(0, 100)] < FREE
 
 

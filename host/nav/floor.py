@@ -1,0 +1,155 @@
+"""Which regions are floor: told by their depths against the floor's plane, by place and by colour.
+
+The camera's height is known, so the floor's depth along every ray below the horizon is too. A region lies
+on that plane or stands on it. Where a weak edge has made one region of floor and wall, only its near part
+counts as floor, and only weakly.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from host.camera.lens import Lens
+from host.depth.report import DepthReport
+from host.nav.odometry import heading_of
+from host.pose import Pose
+from host.rbdn.snapshot import Region, Snapshot
+
+STEP_PX = 2  # the regions are looked at on every second pixel
+NO_REGION = -1
+FARTHEST_CM = 500.0  # above the row where the floor is this far away nothing counts as floor
+MIXED_CM = 90.0  # of a region that is floor and wall in one, floor is what would be nearer than this
+CROSSING = 0.02  # a region with more than this share above that row is not floor alone
+LIKE_FLOOR = 20.0  # mean colours nearer than this to a proven floor's are floor too
+MOST_OF_BORDER = 0.6  # a new region on this share of the lower border is floor, whatever else it may be
+SIGMA_RAY = 0.01  # of the tilt of the floor's plane against the camera, rad
+CERTAIN = 3.0  # votes are kept within this
+
+
+@dataclass(frozen=True)
+class Rays:
+    """Directions of the label image's pixels with pitch and roll taken out, heading left in."""
+
+    across: np.ndarray  # (W / 2,) X/Z of the column
+    down: np.ndarray  # (H / 2, W / 2) Y/Z
+
+
+def label_image(snapshot: Snapshot, lens: Lens) -> np.ndarray:
+    """Region id of every second pixel, (H / 2, W / 2) int32; NO_REGION where none is."""
+    labels = np.full((lens.height // STEP_PX, lens.width // STEP_PX), NO_REGION, np.int32)
+    for region in snapshot.regions:
+        loops = [np.round((loop - 0.5) / STEP_PX * 16).astype(np.int32) for loop in region.loops]
+        cv2.fillPoly(labels, loops, region.id, shift=4)
+    return labels
+
+
+def rays_of(shape: tuple[int, int], lens: Lens, pose: Pose) -> Rays:
+    """Rays of a label image's pixels, seen from a pose."""
+    rows, cols = shape
+    xs = np.arange(cols) * STEP_PX + 0.5 * (STEP_PX - 1)
+    ys = np.arange(rows) * STEP_PX + 0.5 * (STEP_PX - 1)
+    grid = np.stack(np.meshgrid(xs, ys), axis=-1).reshape(-1, 2)
+    rays = np.column_stack([lens.to_rays(grid), np.ones(len(grid))])
+    level = Pose.planar(0.0, 0.0, heading_of(pose)).rotation.T @ pose.rotation
+    rays = np.einsum("ij,nj->ni", level, rays)
+    rays = rays[:, :2] / rays[:, 2:]
+    return Rays(rays[:, 0].reshape(shape)[rows // 2], rays[:, 1].reshape(shape))
+
+
+class FloorFinder:
+    """Votes of all frames on every region; one bad frame changes nothing."""
+
+    def __init__(self, height_cm: float) -> None:
+        self._height_cm = height_cm
+        self._votes: dict[int, float] = {}
+        self._mixed: set[int] = set()
+        self._floor_rgb: np.ndarray | None = None
+
+    def is_floor(self, region_id: int) -> bool:
+        """Floor and nothing else."""
+        return self._votes.get(region_id, 0.0) > 0.0 and region_id not in self._mixed
+
+    def is_mixed(self, region_id: int) -> bool:
+        """Floor and something else in one region."""
+        return region_id in self._mixed
+
+    def update(self, snapshot: Snapshot, report: DepthReport, pose: Pose, labels: np.ndarray, rays: Rays):
+        """Take in one frame.
+
+        Returns
+        -------
+        floor : (H / 2, W / 2) bool, what is floor
+        unsure : the same, the part of it that belongs to mixed regions
+        """
+        self._mixed.clear()
+        for region in snapshot.regions:
+            mine = labels == region.id
+            if mine.any():
+                self._vote(region, mine, report, pose, rays)
+        known = {region.id for region in snapshot.regions}
+        self._votes = {k: v for k, v in self._votes.items() if k in known}
+        self._learn_colour(snapshot)
+        unsure = np.isin(labels, list(self._mixed)) & (rays.down > self._height_cm / MIXED_CM)
+        return np.isin(labels, [i for i in known if self.is_floor(i)]) | unsure, unsure
+
+    def _vote(self, region: Region, mine: np.ndarray, report: DepthReport, pose: Pose, rays: Rays) -> None:
+        before = self._votes.get(region.id)
+        ray_y = rays.down[mine]
+        if float((ray_y < self._height_cm / FARTHEST_CM).mean()) > CROSSING:
+            if before is None:
+                before = 1.0 if self._looks_like_floor(region, mine, MOST_OF_BORDER) else -CERTAIN
+            if before > 0:
+                self._mixed.add(region.id)
+            self._votes[region.id] = before
+            return
+        vote = self._vote_of_depth(region, mine, report, rays)
+        on, above = self._corners(region, report, pose)
+        if on + above >= 3:
+            vote += 0.5 * (on - 2 * above) / (on + above)
+        if vote == 0.0 and before is None:
+            vote = 0.5 if self._looks_like_floor(region, mine, MOST_OF_BORDER / 2) else -0.1
+        self._votes[region.id] = float(np.clip((before or 0.0) + vote, -CERTAIN, CERTAIN))
+
+    def _looks_like_floor(self, region: Region, mine: np.ndarray, share: float) -> bool:
+        """By colour, and before a floor's colour is known by lying in front of the robot."""
+        if self._floor_rgb is not None:
+            return float(np.linalg.norm(np.array(region.mean_rgb) - self._floor_rgb)) < LIKE_FLOOR
+        return float(mine[-1].mean()) > share
+
+    def _vote_of_depth(self, region: Region, mine: np.ndarray, report: DepthReport, rays: Rays) -> float:
+        """Does the region's depth fit a thing lying on the floor, or one standing on its lowest row?"""
+        found = report.regions.get(region.id)
+        if found is None or found.depth_cm is None or found.sigma_cm is None:
+            return 0.0
+        lying = float(np.mean(self._height_cm / rays.down[mine]))
+        columns = np.nonzero(mine.any(axis=0))[0]
+        lowest = len(mine) - 1 - np.argmax(mine[::-1, columns], axis=0)
+        standing = float(np.mean(self._height_cm / rays.down[lowest, columns]))
+        if lying - standing < 2 * found.sigma_cm:
+            return 0.0
+        return 0.5 if abs(found.depth_cm - lying) < abs(found.depth_cm - standing) else -0.5
+
+    def _corners(self, region: Region, report: DepthReport, pose: Pose) -> tuple[int, int]:
+        """How many of a region's vertices lie on the floor, and how many surely above it."""
+        ids = np.concatenate(region.loop_vertices) if region.loop_vertices else np.empty(0, np.int64)
+        pick = np.isin(report.vertices.ids, ids) & np.isfinite(report.vertices.sigma_cm)
+        if not pick.any():
+            return 0, 0
+        xyz = report.vertices.xyz_cm[pick]
+        down = np.einsum("j,nj->n", pose.rotation[1], xyz)
+        slope = np.abs(down) / np.maximum(xyz[:, 2], 1.0)
+        sigma = np.hypot(report.vertices.sigma_cm[pick] * slope, xyz[:, 2] * SIGMA_RAY)
+        over = self._height_cm - down
+        sure = sigma < 2.0
+        on, above = np.abs(over) < 2 * sigma + 1.0, over > 2 * sigma + 2.0
+        return int((sure & on).sum()), int((sure & above).sum())
+
+    def _learn_colour(self, snapshot: Snapshot) -> None:
+        proven = [r for r in snapshot.regions if self.is_floor(r.id) and self._votes[r.id] > 0.4]
+        if not proven:
+            return
+        rgb = np.array(max(proven, key=lambda r: r.area_px).mean_rgb)
+        self._floor_rgb = rgb if self._floor_rgb is None else 0.9 * self._floor_rgb + 0.1 * rgb
