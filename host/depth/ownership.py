@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-CLEARLY_BETTER = 0.12  # difference of mean truncated cost (0..1) that decides who explains an edge
+CLEARLY_BETTER = 0.12  # difference of mean truncated cost (0..1) that decides who explains something
 SAME_DEPTH = 0.03  # relative; nearer than this two regions tie
-SURROUND_RATIO = 2.5  # in a tie, the one of whose outline the edge is so much more owns it
+SURROUND_RATIO = 3.5  # of whose outline the edge is so much more, that one is surrounded
+MIN_REST_PX = 15.0  # of outline elsewhere, to judge a region by it
 
 
 def edge_owners(
@@ -19,10 +20,11 @@ def edge_owners(
 ) -> np.ndarray:
     """Which side may use each boundary between two regions.
 
-    The side whose depth explains the boundary's motion owns it. Where both explain it and their depths
-    differ, the nearer one does. Where the depths agree too, a region that surrounds the other (or is cut
-    by the image border, when the other is not) got its depth from the other's outline and may not use it;
-    otherwise, as between two faces of a box, both may.
+    The side whose depth explains the boundary's motion owns it. Where both do, one of them may have its
+    depth from this very boundary: the one whose depth does not fit the rest of its outline. Where that
+    does not tell either, the nearer one owns the boundary, unless it surrounds the other, for what
+    surrounds is behind. Where depths agree too, a region that surrounds the other (or is cut by the
+    image border, when the other is not) may not use it; otherwise, as between two faces of a box, both may.
 
     Parameters
     ----------
@@ -37,23 +39,27 @@ def edge_owners(
     -------
     (P, 2) bool, may this side use the boundary
     """
+    n = len(rho)
     mine = np.ones(pair.shape, bool)
     known = rho[pair] > 0
-    better = cost[:, 0] - cost[:, 1]  # positive: the second side explains it better
-    ratio = np.where(known.all(axis=1), rho[pair[:, 0]] / np.maximum(rho[pair[:, 1]], 1e-12), 1.0)
+    sunk = sum(np.bincount(pair[:, s], length_px * cost[:, s], n) for s in (0, 1))
+    length = sum(np.bincount(pair[:, s], length_px, n) for s in (0, 1))
+    rest_px = length[pair] - length_px[:, None]
+    rest = (sunk[pair] - length_px[:, None] * cost) / np.maximum(rest_px, 1e-9)
+    judged = (rest_px > MIN_REST_PX).all(axis=1)
     share = length_px[:, None] / np.maximum(outline_px[pair], 1.0)
     border = touches_border[pair]
-    for side in (0, 1):
-        other = 1 - side
-        sign = 1.0 if side == 0 else -1.0
-        explained_by_other = sign * better > CLEARLY_BETTER
-        undecided = np.abs(better) <= CLEARLY_BETTER
-        relative = ratio if side == 0 else 1 / np.maximum(ratio, 1e-12)
-        farther = relative < 1 - SAME_DEPTH
-        tie = np.abs(relative - 1) <= SAME_DEPTH
+    for side, other in ((0, 1), (1, 0)):
+        worse = cost[:, side] - cost[:, other]
+        undecided = np.abs(worse) <= CLEARLY_BETTER
+        misfit = np.where(judged, rest[:, side] - rest[:, other], 0.0)
+        relative = rho[pair[:, side]] / np.maximum(rho[pair[:, other]], 1e-12)
+        farther, tie = relative < 1 - SAME_DEPTH, np.abs(relative - 1) <= SAME_DEPTH
         around = share[:, other] > SURROUND_RATIO * share[:, side]
         inside = share[:, side] > SURROUND_RATIO * share[:, other]
         behind = around | (border[:, side] & ~border[:, other])
-        lost = explained_by_other | (undecided & ((farther & ~inside) | (tie & behind)))
+        by_place = (farther & ~inside) | (tie & behind)
+        by_fit = misfit > CLEARLY_BETTER
+        lost = (worse > CLEARLY_BETTER) | (undecided & (by_fit | (by_place & (misfit >= -CLEARLY_BETTER))))
         mine[:, side] = ~(lost & known[:, other])
     return mine

@@ -17,6 +17,7 @@ from host.depth.samples import Samples
 
 TUKEY = 4.7  # residuals so many times their scale have no weight
 PASSES = 2  # of robust weighting on one look
+COST_SCALES = 3.0  # residuals so many times the usual scale all cost the same
 RHO_LIMITS = (1e-6, 1.0)  # 1/cm
 
 
@@ -82,7 +83,9 @@ def fit(
         if model.tilt is not None:
             moved = moved + (slope[:, region] * samples.offset).sum(0)
         residual = look.residual + gain * moved.astype(np.float32)
-    cost = np.where(look.good, np.minimum(np.square((residual - common) / gate), 1), 1).mean(axis=0)
+    known = np.bincount(region, minlength=n) > 0
+    truncate = float(np.clip(COST_SCALES * np.median(scale[known]), model.noise_px, gate))
+    cost = np.where(look.good, np.minimum(np.square((residual - common) / truncate), 1), 1).mean(axis=0)
     return Fit(rho, slope, covariance, scale, weight * trust.astype(np.float32), gain, cost)
 
 
