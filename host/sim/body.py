@@ -1,0 +1,209 @@
+"""The robot's body: motors that turn duties into wheel speeds, wheels that move it, walls that stop it."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from host.pose import Pose
+from host.sim.board import Board, Side
+from host.sim.world import World
+
+STEP_US = 1000
+STEP_S = STEP_US * 1e-6
+TRACE_STEPS = 10_000  # poses of the last 10 s are kept
+LOOK_CM = 0.5  # travel after which the clearance is measured anew
+CONTACT_ENDS_CM = 0.5  # beyond this gap the next touch counts as another collision
+PHASES = ((False, False), (True, False), (True, True), (False, True))  # pins A, B, rolling forward
+
+
+@dataclass(frozen=True)
+class BodyModel:
+    """A small robot with two gear motors, as it truly is. The disc is centred on the axle's middle."""
+
+    track_cm: float = 15.0
+    radius_cm: float = 12.0
+    camera_ahead_cm: float = 12.0  # of the axle's middle
+    cm_per_count: float = 0.5
+    full_speed_cm_s: float = 70.0  # at full duty and full battery
+    dead_zone: float = 0.08  # duty below which a motor stands
+    lag_s: float = 0.05  # time constant of a motor
+    mismatch: float = 0.03  # by how much the left motor is faster than the right at the same duty
+    battery_mv: float = 7400.0  # without load
+    sag_mv: float = 300.0  # less with both motors at full duty
+    slowest_cm_s: float = 0.05  # an unpowered wheel slower than this is held by friction
+
+
+class Wheel:
+    """One motor, its wheel, and the encoder on it."""
+
+    def __init__(self, board: Board, side: Side, model: BodyModel, gain: float, phase: float) -> None:
+        self.speed_cm_s = 0.0
+        self._board, self._side = board, side
+        self._model = model
+        self._gain = gain * model.full_speed_cm_s / (1.0 - model.dead_zone)
+        self._keep = math.exp(-STEP_S / model.lag_s)  # share of a speed difference left after a step
+        self._counts = phase  # travel in counts; an edge comes at every whole number
+        self._cell = math.floor(phase)
+
+    @property
+    def duty(self) -> float:
+        """What the board puts on the motor, -1 to 1."""
+        return self._board.duty(self._side)
+
+    def roll(self, duty: float, voltage: float, start_us: int) -> float:
+        """Turn for one step; travel in cm. `voltage` is relative to a full battery's."""
+        push = abs(duty) - self._model.dead_zone
+        aim = 0.0 if push <= 0.0 else math.copysign(push * self._gain * voltage, duty)
+        before = self.speed_cm_s
+        if aim == 0.0 and abs(before) < self._model.slowest_cm_s:
+            self.speed_cm_s = 0.0
+            return 0.0
+        self.speed_cm_s = aim + (before - aim) * self._keep
+        travel = aim * STEP_S + (before - aim) * self._model.lag_s * (1.0 - self._keep)
+        self._pass_edges(travel, before, aim, start_us)
+        return travel
+
+    def _pass_edges(self, travel: float, before: float, aim: float, start_us: int) -> None:
+        start = self._counts
+        self._counts = start + travel / self._model.cm_per_count
+        cell = math.floor(self._counts)
+        while self._cell != cell:
+            forward = cell > self._cell
+            border = self._cell + 1 if forward else self._cell
+            self._cell += 1 if forward else -1
+            after_s = self._time_of((border - start) * self._model.cm_per_count, travel, before, aim)
+            a, b = PHASES[self._cell % 4]
+            self._board.set_encoder_pins(self._side, a, b, start_us + round(after_s * 1e6))
+
+    def _time_of(self, way: float, travel: float, before: float, aim: float) -> float:
+        """When within the step the wheel has gone `way` cm."""
+        lag = self._model.lag_s
+        t = way / travel * STEP_S
+        for _ in range(2):  # Newton: the speed hardly changes within a step
+            fade = math.exp(-t / lag)
+            speed = aim + (before - aim) * fade
+            gone = aim * t + (before - aim) * lag * (1.0 - fade)
+            t = min(max(t + (way - gone) / speed, 0.0), STEP_S) if speed else t
+        return t
+
+
+class Body:
+    """Where the robot truly is.
+
+    `step` moves it on by 1 ms at the duties the board puts out at the start of it and tells the board the
+    encoder edges that come in between; the board must then be stepped by as much.
+
+    Attributes
+    ----------
+    collisions : int
+        Touches so far; one that lasts counts once.
+    min_clearance_cm : float
+        Least distance so far from the rim to anything.
+    distance_cm : float
+        Way of the axle's middle so far.
+    """
+
+    def __init__(self, world: World, board: Board, model: BodyModel, seed: int) -> None:
+        rng = np.random.default_rng((0xB0D7, seed))
+        self._world, self._board, self._model = world, board, model
+        half = model.mismatch / 2
+        self._left = Wheel(board, Side.LEFT, model, 1.0 + half, float(rng.random()))
+        self._right = Wheel(board, Side.RIGHT, model, 1.0 - half, float(rng.random()))
+        self._time_us = board.time_us  # up to which the motion is known
+        self._x, self._z, self._heading = 0.0, -model.camera_ahead_cm, 0.0  # the camera starts at (0, 0)
+        self._trace: deque[tuple[float, float, float]] = deque(maxlen=TRACE_STEPS)
+        self._trace.append((self._x, self._z, self._heading))
+        self._battery_mv = 0.0
+        self._set_battery(model.battery_mv)
+        self.collisions = 0
+        self.distance_cm = 0.0
+        self.min_clearance_cm = self._clearance_cm = self._gap_cm(self._x, self._z)
+        self._unseen_cm = 0.0  # travelled since the clearance was measured
+        self._touching = False
+
+    @property
+    def time_us(self) -> int:
+        """Up to when the motion is known."""
+        return self._time_us
+
+    @property
+    def speed_cm_s(self) -> float:
+        """Forward speed."""
+        return (self._left.speed_cm_s + self._right.speed_cm_s) / 2
+
+    def step(self) -> None:
+        """Move on by 1 ms."""
+        left_duty, right_duty = self._left.duty, self._right.duty
+        load = (abs(left_duty) + abs(right_duty)) / 2
+        self._set_battery(self._model.battery_mv - self._model.sag_mv * load)
+        voltage = self._battery_mv / self._model.battery_mv
+        left = self._left.roll(left_duty, voltage, self._time_us)
+        right = self._right.roll(right_duty, voltage, self._time_us)
+        if left or right:
+            self._move((left + right) / 2, (left - right) / self._model.track_cm)
+        self._time_us += STEP_US
+        self._trace.append((self._x, self._z, self._heading))
+
+    def pose_at(self, t_us: int) -> Pose:
+        """True camera pose at a time of the last 10 s.
+
+        Raises
+        ------
+        ValueError
+            The time is further back, or yet to come.
+        """
+        steps_ago = (self._time_us - t_us) / STEP_US
+        if not 0 <= steps_ago <= len(self._trace) - 1:
+            raise ValueError(f"no pose is known at {t_us} us; it is {self._time_us} us")
+        later = math.floor(steps_ago)
+        b = self._trace[-1 - later]
+        a = self._trace[-2 - later] if steps_ago > later else b
+        part = steps_ago - later
+        x, z, heading = (q + (p - q) * part for p, q in zip(a, b, strict=True))
+        ahead = self._model.camera_ahead_cm
+        return Pose.planar(
+            x + ahead * math.sin(heading), z + ahead * math.cos(heading), heading, t_s=t_us * 1e-6
+        )
+
+    # --- Motion ---------------------------------------------------------------------------------
+
+    def _move(self, forward: float, turn: float) -> None:
+        middle = self._heading + turn / 2
+        x, z = self._x + forward * math.sin(middle), self._z + forward * math.cos(middle)
+        self._heading += turn
+        if self._blocked(x, z, abs(forward)):
+            return
+        self._x, self._z = x, z
+        self.distance_cm += abs(forward)
+
+    def _blocked(self, x: float, z: float, step: float) -> bool:
+        """Would the robot, there, stand deeper in something than it does now?
+
+        The wheels then slip on the spot, and the encoders go on counting.
+        """
+        self._unseen_cm += step
+        # The gap shrinks by no more than the way, so that far from everything nobody needs to look.
+        if self._unseen_cm < min(LOOK_CM, self._clearance_cm):
+            return False
+        gap = self._gap_cm(x, z)
+        if gap < 0.0 and gap < self._gap_cm(self._x, self._z):
+            self.collisions += not self._touching
+            self._touching = True
+            self.min_clearance_cm = self._clearance_cm = 0.0
+            return True
+        self._unseen_cm, self._clearance_cm = 0.0, max(gap, 0.0)
+        self._touching &= gap < CONTACT_ENDS_CM
+        self.min_clearance_cm = min(self.min_clearance_cm, self._clearance_cm)
+        return False
+
+    def _gap_cm(self, x: float, z: float) -> float:
+        return float(self._world.distance_cm(np.array([[x, z]]))[0]) - self._model.radius_cm
+
+    def _set_battery(self, mv: float) -> None:
+        if abs(mv - self._battery_mv) >= 1.0:
+            self._battery_mv = mv
+            self._board.set_battery_mv(round(mv))

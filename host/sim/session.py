@@ -1,0 +1,164 @@
+"""A whole simulated robot in virtual time: what the program sees of it is a camera, a line and a clock."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from host.camera.frame import Frame
+from host.camera.lens import Lens
+from host.errors import DeviceError
+from host.pose import Pose
+from host.sim.board import Board, Line
+from host.sim.body import Body, BodyModel
+from host.sim.render import Renderer, Webcam, WebcamModel
+from host.sim.world import world_from_uri
+
+FRAMES_PER_S = 15.0
+
+
+class SimulatedClock:
+    """Virtual time, a ``host.link.clock.Clock``: it passes only while somebody waits."""
+
+    def __init__(self, now_us: Callable[[], int], advance_to: Callable[[int], None]) -> None:
+        self._now_us, self._advance_to = now_us, advance_to
+        self._owed_s = 0.0  # of sleep, less than a microsecond
+
+    def now_s(self) -> float:
+        """Seconds since the simulation began."""
+        return self._now_us() * 1e-6
+
+    def sleep_s(self, duration_s: float) -> None:
+        """Let the world go on for `duration_s` seconds."""
+        self._owed_s += max(duration_s, 0.0)
+        whole_us = int(self._owed_s * 1e6)
+        self._owed_s -= whole_us * 1e-6
+        self._advance_to(self._now_us() + whole_us)
+
+
+class SimulatedCamera:
+    """The robot's webcam, a ``host.camera.frame.FrameSource``. Frame k is taken at k / `fps` seconds."""
+
+    def __init__(
+        self,
+        lens: Lens,
+        fps: float,
+        now_us: Callable[[], int],
+        advance_to: Callable[[int], None],
+        take: Callable[[int, int], np.ndarray],
+    ) -> None:
+        self.lens: Lens | None = lens
+        self._fps = fps
+        self._now_us, self._advance_to, self._take = now_us, advance_to, take
+        self._last_seq = -1
+        self._open = True
+
+    def read(self, timeout_s: float) -> Frame | None:
+        """The newest frame not yet read, or the next one, for which virtual time passes; None once closed.
+
+        Raises
+        ------
+        DeviceError
+            when no frame comes within the timeout, all of which has then passed.
+        """
+        if not self._open:
+            return None
+        now_us = self._now_us()
+        seq = int(now_us * 1e-6 * self._fps)
+        while self._time_us(seq + 1) <= now_us:  # rounding of the product may hide the newest
+            seq += 1
+        seq = max(seq, self._last_seq + 1)
+        wait_us = self._time_us(seq) - now_us
+        if wait_us > timeout_s * 1e6:
+            self._advance_to(now_us + int(timeout_s * 1e6))
+            raise DeviceError(f"camera: no picture within {timeout_s:g} s at {self._fps:g} a second; wait longer")
+        if wait_us > 0:
+            self._advance_to(self._time_us(seq))
+        self._last_seq = seq
+        t_us = self._time_us(seq)
+        return Frame(self._take(t_us, seq), t_us * 1e-6, seq)
+
+    def close(self) -> None:
+        """No more pictures from here."""
+        self._open = False
+
+    def _time_us(self, seq: int) -> int:
+        return round(seq * 1e6 / self._fps)
+
+
+class Simulation:
+    """World, body, board and camera in lock-step; equal calls give equal runs.
+
+    Hand `camera`, `transport` and `clock` to the program and keep the rest for scoring: through those three
+    it learns no more than on a real robot.
+
+    Parameters
+    ----------
+    uri
+        The world, such as ``sim:room?seed=3``; its seed also decides noise and wheels.
+    fps
+        Frames a second, 1 to 1000.
+
+    Attributes
+    ----------
+    camera : SimulatedCamera
+    transport : Line
+    clock : SimulatedClock
+    world : World
+    body : Body
+    renderer : Renderer
+    board : Board
+
+    Raises
+    ------
+    UsageError
+        The URI names no world.
+    """
+
+    def __init__(
+        self,
+        uri: str,
+        *,
+        body: BodyModel | None = None,
+        webcam: WebcamModel | None = None,
+        fps: float = FRAMES_PER_S,
+    ) -> None:
+        if not 1.0 <= fps <= 1000.0:
+            raise ValueError(f"fps must be 1 to 1000, not {fps}")
+        self.world = world_from_uri(uri)
+        self.renderer = Renderer(self.world)
+        body = body or BodyModel()
+        self.board = Board(
+            self.world.seed, um_per_count=round(body.cm_per_count * 1e4), track_mm=round(body.track_cm * 10)
+        )
+        self.body = Body(self.world, self.board, body, self.world.seed)
+        self._webcam_model = webcam or WebcamModel()
+        self._webcam = Webcam(self._webcam_model, self.world.lens, self.world.seed)
+        self.transport = Line(self.board)
+        self.clock = SimulatedClock(self._now_us, self._advance_to)
+        self.camera = SimulatedCamera(self.world.lens, fps, self._now_us, self._advance_to, self._take)
+
+    def true_pose(self, t_s: float) -> Pose:
+        """Where the camera truly was at a time of the last 10 s; for scoring alone.
+
+        Raises
+        ------
+        ValueError
+            The time is further back, or yet to come.
+        """
+        return self.body.pose_at(round(t_s * 1e6))
+
+    def _now_us(self) -> int:
+        return self.board.time_us
+
+    def _advance_to(self, until_us: int) -> None:
+        body, board = self.body, self.board
+        while (now_us := board.time_us) < until_us:
+            if body.time_us == now_us:
+                body.step()  # knows the edges of the coming millisecond, which the board is told beforehand
+            board.step(min(until_us, body.time_us) - now_us)
+
+    def _take(self, t_us: int, seq: int) -> np.ndarray:
+        light = self.renderer.light(self.body.pose_at(t_us), self._webcam_model.psf_px)
+        return self._webcam.take(light, t_us * 1e-6, seq)
