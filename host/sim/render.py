@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
+from numpy.typing import ArrayLike
 
 from host.camera.lens import Lens
 from host.pose import Pose
@@ -105,11 +107,22 @@ class Renderer:
     def _object(self, name: str) -> None:
         self.object_names[len(self.object_names) + 1] = name
 
-    def _quad(self, name, corner, u, v, normal, material: Material, shadowed: bool = False) -> None:
+    def _quad(
+        self,
+        name: str,
+        corner: ArrayLike,
+        u: ArrayLike,
+        v: ArrayLike,
+        normal: ArrayLike,
+        material: Material,
+        shadowed: bool = False,
+    ) -> None:
         corner, u, v = (np.asarray(a, float) for a in (corner, u, v))
         ids = self._part(name, True, np.array([corner, corner + u, corner + u + v, corner + v]))
-        triples = [tuple(map(float, a)) for a in (corner, u, v, normal)]
-        self._scene.quad(*triples, **ids, material=_material(material), shadowed=shadowed)
+        self._scene.quad(
+            _triple(corner), _triple(u), _triple(v), _triple(normal),
+            **ids, material=_material(material), shadowed=shadowed,
+        )  # fmt: skip
 
     def _add_room(self, world: World) -> None:
         room, floor = world.room, self._floor_y
@@ -118,8 +131,8 @@ class Renderer:
         lamp_x, height, lamp_z = room.lamp_cm
         lamp = (lamp_x, floor - height, lamp_z)
         self._scene.light(lamp, ambient=0.4, sky=0.4, direct=0.6, reference_cm=height)
-        for name, *quad in (
-            ("floor", (x0, floor, z0), across, along, (0, -1, 0), room.floor, True),
+        for name, corner, u, v, normal, material in (
+            ("floor", (x0, floor, z0), across, along, (0, -1, 0), room.floor),
             ("wall_front", (x0, floor, z1), across, up, (0, 0, -1), room.front_wall),
             ("wall_left", (x0, floor, z0), along, up, (1, 0, 0), room.left_wall),
             ("wall_right", (x1, floor, z0), along, up, (-1, 0, 0), room.right_wall),
@@ -127,7 +140,7 @@ class Renderer:
             ("wall_back", (x0, floor, z0), across, up, (0, 0, 1), room.back_wall),
         ):
             self._object(name)
-            self._quad("face", *quad)
+            self._quad("face", corner, u, v, normal, material, shadowed=name == "floor")
 
     def _add_thing(self, thing: Box | Cylinder | Ball) -> None:
         self._object(thing.name)
@@ -175,11 +188,11 @@ class Renderer:
         psf_px
             Standard deviation of the lens blur; the pixels' own integration comes on top.
         """
-        return self._scene.render(*_camera(pose, self.lens), psf_px)
+        return self._scene.render(**_camera(pose, self.lens), psf_px=psf_px)
 
     def truth(self, pose: Pose) -> TrueFrame:
         """What is to be seen from a pose."""
-        depth, part, thing, area, mean_z = self._scene.truth(*_camera(pose, self.lens))
+        depth, part, thing, area, mean_z = self._scene.truth(**_camera(pose, self.lens))
         return TrueFrame(depth, part, thing, area, mean_z)
 
 
@@ -209,7 +222,7 @@ class Webcam:
         if not model.jpeg_quality:
             return image
         _, data = cv2.imencode(".jpg", image, jpeg_options(model.jpeg_quality))
-        return cv2.imdecode(data, cv2.IMREAD_COLOR)
+        return np.asarray(cv2.imdecode(data, cv2.IMREAD_COLOR))
 
 
 def jpeg_options(quality: int) -> list[int]:
@@ -220,13 +233,22 @@ def jpeg_options(quality: int) -> list[int]:
     ]  # fmt: skip
 
 
-def _camera(pose: Pose, lens: Lens) -> tuple:
+def _triple(a: ArrayLike) -> tuple[float, float, float]:
+    x, y, z = np.asarray(a, float)
+    return float(x), float(y), float(z)
+
+
+def _camera(pose: Pose, lens: Lens) -> dict[str, Any]:
     rotation = np.ascontiguousarray(pose.rotation, float)
     position = np.ascontiguousarray(pose.position_cm, float)
-    return rotation, position, lens.fx, lens.fy, lens.cx, lens.cy, lens.width, lens.height
+    return {
+        "rotation": rotation, "position": position,
+        "fx": lens.fx, "fy": lens.fy, "cx": lens.cx, "cy": lens.cy,
+        "width": lens.width, "height": lens.height,
+    }  # fmt: skip
 
 
 def _material(material: Material) -> _render.Material:
-    b, g, r = (float(c) for c in linear_of(np.array(material.rgb[::-1]) / 255.0))
+    bgr = _triple(linear_of(np.array(material.rgb[::-1]) / 255.0))
     pattern = getattr(_render.Pattern, material.pattern)
-    return _render.Material(pattern, (b, g, r), material.contrast, material.scale_cm, material.seed)
+    return _render.Material(pattern, bgr, material.contrast, material.scale_cm, material.seed)

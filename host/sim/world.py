@@ -211,15 +211,17 @@ def room(seed: int = 0, objects: int = 8) -> World:
     left = -width * rng.uniform(0.38, 0.62)
     back = -rng.uniform(60, 90)
     pattern, rgb, contrast, scale = FLOORS[rng.integers(len(FLOORS))]
-    walls = [
+    left_wall, right_wall, back_wall, front_wall = (
         Material(WALL_COLOURS[k], contrast=0.03, scale_cm=7.0, seed=int(rng.integers(1 << 31)))
         for k in rng.permutation(len(WALL_COLOURS))[:4]
-    ]
+    )
     lamp = (left + width * rng.uniform(0.3, 0.7), 230.0, back + length * rng.uniform(0.25, 0.6))
     shell = Room(
         left, left + width, back, back + length, 250.0,
-        Material(rgb, pattern, contrast, scale, int(rng.integers(1 << 31))),
-        *walls, Material((236, 236, 232), contrast=0.0), lamp,
+        floor=Material(rgb, pattern, contrast, scale, int(rng.integers(1 << 31))),
+        left_wall=left_wall, right_wall=right_wall, back_wall=back_wall, front_wall=front_wall,
+        ceiling=Material((236, 236, 232), contrast=0.0),
+        lamp_cm=lamp,
     )  # fmt: skip
     goal = _goal(rng, shell)
     world = World("room", shell, (), 15.0, Lens(320, 240, 280.0, 280.0, 159.5, 119.5), goal, seed)

@@ -1,8 +1,8 @@
 // Visibility by one ray a pixel; where surfaces meet, by 256 rays, whose mean is the pixel.
 //
 // The 256 points form a (0,8,2)-net: every 1/256 wide column or row of the pixel holds exactly one, so that
-// edges along the pixel grid, too, are placed to 1/512 px. The net is scrambled pixel by pixel, which turns
-// what error is left from a bias into noise. An edge pixel keeps 4x4 means of its own, so that the blur
+// edges along the pixel grid, too, are placed to 1/256 px. The net is scrambled and shifted pixel by pixel,
+// which turns what error is left from a bias into noise. An edge pixel keeps 4x4 means of its own, so that the blur
 // of the lens sees where in the pixel the edge runs: blurring whole pixels would shift edges by their place
 // in the grid.
 #include "render.hpp"
@@ -131,26 +131,30 @@ struct Net {
     std::array<uint8_t, samples> cell{};
 };
 
-// The net scrambled in several ways.
-const std::array<Net, 64> &nets()
+// The net scrambled in several ways, and shifted by several parts of 1/256.
+constexpr uint32_t net_count = 64;
+
+const std::array<Net, net_count> &nets()
 {
-    static const std::array<Net, 64> all = [] {
-        std::array<Net, 64> nets;
+    static const std::array<Net, net_count> all = [] {
+        std::array<Net, net_count> made;
         uint32_t h = 1;
-        for (Net &net : nets) {
+        for (uint32_t n = 0; n < net_count; n++) {
+            Net &net = made[n];
             h = h * 1664525u + 1013904223u;
             const int flip_x = h >> 24, flip_y = (h >> 16) & 255;
+            const double shift_x = (n + 0.5) / net_count, shift_y = (n * 37 % net_count + 0.5) / net_count;
             for (int i = 0; i < samples; i++) {
                 int reversed = ((i & 0x55) << 1) | ((i & 0xAA) >> 1);
                 reversed = ((reversed & 0x33) << 2) | ((reversed & 0xCC) >> 2);
                 reversed = ((reversed & 0x0F) << 4) | ((reversed & 0xF0) >> 4);
                 const int ix = i ^ flip_x, iy = reversed ^ flip_y;
-                net.x[i] = (ix + 0.5) / samples - 0.5;
-                net.y[i] = (iy + 0.5) / samples - 0.5;
+                net.x[i] = (ix + shift_x) / samples - 0.5;
+                net.y[i] = (iy + shift_y) / samples - 0.5;
                 net.cell[i] = static_cast<uint8_t>((iy / (samples / cells)) * cells + ix / (samples / cells));
             }
         }
-        return nets;
+        return made;
     }();
     return all;
 }
