@@ -26,6 +26,7 @@ CROSSING = 0.02  # a region with more than this share above that row is not floo
 LIKE_FLOOR = 20.0  # mean colours nearer than this to a proven floor's are floor too
 MOST_OF_BORDER = 0.6  # a new region on this share of the lower border is floor, whatever else it may be
 SIGMA_RAY = 0.01  # of the tilt of the floor's plane against the camera, rad
+VOTE = 0.2  # what one frame's depths count; a new region begins at 1 or -0.1 by its looks
 CERTAIN = 3.0  # votes are kept within this
 
 
@@ -81,8 +82,8 @@ class FloorFinder:
 
         Returns
         -------
-        floor : (H / 2, W / 2) bool, what is floor
-        unsure : the same, the part of it that belongs to mixed regions
+        floor : (H / 2, W / 2) bool, what is taken for floor
+        unsure : the same, where a mixed region may be floor, far or near
         """
         self._mixed.clear()
         for region in snapshot.regions:
@@ -92,8 +93,10 @@ class FloorFinder:
         known = {region.id for region in snapshot.regions}
         self._votes = {k: v for k, v in self._votes.items() if k in known}
         self._learn_colour(snapshot)
-        unsure = np.isin(labels, list(self._mixed)) & (rays.down > self._height_cm / MIXED_CM)
-        return np.isin(labels, [i for i in known if self.is_floor(i)]) | unsure, unsure
+        mixed = np.isin(labels, list(self._mixed))
+        floor = np.isin(labels, [i for i in known if self.is_floor(i)])
+        near = mixed & (rays.down > self._height_cm / MIXED_CM)
+        return floor | near, mixed & (rays.down > self._height_cm / FARTHEST_CM)
 
     def _vote(self, region: Region, mine: np.ndarray, report: DepthReport, pose: Pose, rays: Rays) -> None:
         before = self._votes.get(region.id)
@@ -108,9 +111,12 @@ class FloorFinder:
         vote = self._vote_of_depth(region, mine, report, rays)
         on, above = self._corners(region, report, pose)
         if on + above >= 3:
-            vote += 0.5 * (on - 2 * above) / (on + above)
-        if vote == 0.0 and before is None:
-            vote = 0.5 if self._looks_like_floor(region, mine, MOST_OF_BORDER / 2) else -0.1
+            vote += VOTE * (on - 2 * above) / (on + above)
+        like = self._looks_like_floor(region, mine, MOST_OF_BORDER / 2)
+        if before is None:
+            vote += 1.0 if like else -0.1
+        elif like and mine[-1].any():
+            vote += VOTE / 2
         self._votes[region.id] = float(np.clip((before or 0.0) + vote, -CERTAIN, CERTAIN))
 
     def _looks_like_floor(self, region: Region, mine: np.ndarray, share: float) -> bool:
@@ -130,7 +136,7 @@ class FloorFinder:
         standing = float(np.mean(self._height_cm / rays.down[lowest, columns]))
         if lying - standing < 2 * found.sigma_cm:
             return 0.0
-        return 0.5 if abs(found.depth_cm - lying) < abs(found.depth_cm - standing) else -0.5
+        return VOTE if found.depth_cm**2 > lying * standing else -VOTE
 
     def _corners(self, region: Region, report: DepthReport, pose: Pose) -> tuple[int, int]:
         """How many of a region's vertices lie on the floor, and how many surely above it."""

@@ -1,0 +1,153 @@
+"""Where a region stands: by its depth measured from motion, by its foot on the floor, or by both.
+
+In each image column the lowest point of what is not floor is its foot: the floor is there at
+height / ray_y. Both are compared and averaged as slopes of the ray to the foot, height / depth, in which the
+foot's error is the same at every distance.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from host.camera.lens import Lens
+from host.depth.report import DepthReport
+from host.nav.floor import FARTHEST_CM, NO_REGION, SIGMA_RAY, STEP_PX, Rays
+from host.nav.odometry import heading_of
+from host.pose import Pose
+from host.rbdn.snapshot import Region
+
+USABLE = 0.25  # a depth with a larger relative sigma places nothing
+FARTHEST_DEPTH_CM = 450.0
+LEAST_COLUMNS = 3
+SURE, FAIR, FAINT = 1.0, 0.5, 0.25  # log-odds a frame is worth: depth and foot agree; one alone; they do not
+
+
+@dataclass(frozen=True)
+class Standing:
+    """One region's front across the image, in the frame that showed it."""
+
+    region: int
+    columns: np.ndarray  # (K,) columns of the label image it covers
+    depth_cm: np.ndarray  # (K,) along the optical axis
+    mean_cm: float
+    sigma_cm: float  # of the mean
+    how: str  # the depth's method, "foot", or "at the lower border"
+    weight: float  # log-odds
+
+    def by_column(self, width: int) -> np.ndarray:
+        """(width,) depth in each column, nan where it is not."""
+        out = np.full(width, np.nan)
+        out[self.columns] = self.depth_cm
+        return out
+
+    def width_cm(self, lens: Lens) -> float:
+        return self.mean_cm * len(self.columns) * STEP_PX / lens.fx
+
+
+class Feet:
+    """Per column of the label image the first thing above the floor.
+
+    Attributes
+    ----------
+    region : (W / 2,) its id, NO_REGION where only floor is seen
+    depth_cm, sigma_cm : (W / 2,) of its foot
+    free_cm : (W / 2,) depth up to which floor is seen
+    cut : (W / 2,) bool, no floor is seen at all: the foot is at or below the image's lower border
+    nearest_cm : where the view of the floor begins
+    """
+
+    def __init__(
+        self, labels: np.ndarray, floor: np.ndarray, unsure: np.ndarray, rays: Rays, height_cm: float
+    ) -> None:
+        rows, cols = labels.shape
+        column = np.arange(cols)
+        self._across, self.height_cm = rays.across, height_cm
+        passable = floor | unsure | (labels == NO_REGION)
+        row, open_ended, self.cut = _first_other(passable)
+        self.region = np.where(open_ended, NO_REGION, labels[row, column])
+        # the foot's ray passes between the foot's pixel and the floor's pixel below it
+        below = np.minimum(row + 1, rows - 1)
+        slope = 0.5 * (rays.down[row, column] + rays.down[below, column])
+        self.depth_cm = np.minimum(height_cm / np.maximum(slope, 1e-6), FARTHEST_CM)
+        self.sigma_cm = self.depth_cm**2 / height_cm * SIGMA_RAY
+        row, _, _ = _first_other(floor | (labels == NO_REGION))
+        slope = np.maximum(rays.down[np.minimum(row + 1, rows - 1), column], 1e-6)
+        self.free_cm = np.minimum(height_cm / slope, FARTHEST_CM)
+        self.free_cm -= 2 * self.free_cm**2 / height_cm * SIGMA_RAY
+        self.nearest_cm = float(height_cm / rays.down[-1].max())
+
+    def point(self, pose: Pose, column: int, depth_cm: float) -> tuple[float, float]:
+        """(x, z) in the odometry frame of a depth in a column."""
+        heading = heading_of(pose)
+        side = self._across[column] * depth_cm
+        x = pose.position_cm[0] + depth_cm * math.sin(heading) + side * math.cos(heading)
+        z = pose.position_cm[2] + depth_cm * math.cos(heading) - side * math.sin(heading)
+        return float(x), float(z)
+
+
+def _first_other(mask: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Upwards in each column: row of the first pixel not in the mask, is there none, is it the lowest."""
+    up = np.argmax(~mask[::-1], axis=0)
+    none = mask.all(axis=0)
+    return np.where(none, 0, len(mask) - 1 - up), none, (up == 0) & ~none
+
+
+def stand_of(region: Region, report: DepthReport, feet: Feet, labels: np.ndarray) -> Standing | None:
+    """Where a region that is not floor stands; None while nothing is known of it.
+
+    With a foot, the shape across the columns is the foot's and the mean is that of foot and depth, weighted;
+    where they contradict each other the nearer one is taken, and not trusted much.
+    """
+    measured = usable_depth(report, region.id)
+    columns = np.nonzero((feet.region == region.id) & ~feet.cut)[0]
+    if len(columns) >= LEAST_COLUMNS:
+        return _on_its_feet(region.id, measured, feet, columns)
+    if measured is not None:
+        columns = np.nonzero((labels == region.id).any(axis=0))[0]
+        if len(columns) == 0:
+            return None
+        z, sigma, how = measured
+        return Standing(region.id, columns, np.full(len(columns), z), z, sigma, how, FAIR)
+    columns = np.nonzero((feet.region == region.id) & feet.cut)[0]
+    if len(columns) < LEAST_COLUMNS:
+        return None
+    depth = feet.depth_cm[columns]
+    mean = float(depth.mean())
+    return Standing(region.id, columns, depth, mean, 0.25 * mean, "at the lower border", FAINT)
+
+
+def _on_its_feet(region: int, measured: tuple[float, float, str] | None, feet: Feet, columns: np.ndarray):
+    foot = feet.depth_cm[columns]
+    mean = float(foot.mean())
+    slope, sigma = feet.height_cm / mean, SIGMA_RAY
+    how, weight = "foot", FAIR
+    if measured is None:
+        if sigma > 0.3 * slope:
+            return None
+    else:
+        z, s, method = measured
+        other, sigma_other = feet.height_cm / z, feet.height_cm * s / z**2
+        if abs(other - slope) < 3 * math.hypot(sigma, sigma_other):
+            share = sigma**2 / (sigma**2 + sigma_other**2)
+            slope = share * other + (1 - share) * slope
+            sigma = sigma * sigma_other / math.hypot(sigma, sigma_other)
+            how, weight = method, SURE
+        elif other > slope:
+            slope, sigma, how, weight = other, sigma_other, method, FAINT
+        else:
+            weight = FAINT
+    z = feet.height_cm / slope
+    return Standing(region, columns, foot * z / mean, z, sigma * z**2 / feet.height_cm, how, weight)
+
+
+def usable_depth(report: DepthReport, region_id: int) -> tuple[float, float, str] | None:
+    """(depth in cm, sigma in cm, method) of a region, or None where it says too little."""
+    found = report.regions.get(region_id)
+    if found is None or found.depth_cm is None or found.sigma_cm is None:
+        return None
+    if found.sigma_cm > USABLE * found.depth_cm or found.depth_cm > FARTHEST_DEPTH_CM:
+        return None
+    return found.depth_cm, found.sigma_cm, found.method or "depth"
