@@ -11,6 +11,7 @@ import ast
 import contextlib
 import dataclasses
 import difflib
+import functools
 import inspect
 import io
 import json
@@ -84,7 +85,7 @@ def config_text(config: Config) -> str:
         for key, (above, comment) in _comments(kind).items():
             parts.extend(f"\n# {line}\n" for line in above)
             value = _toml(getattr(getattr(config, section), key))
-            parts.append(f"{key} = {value}  # {comment}\n")
+            parts.append(f"{key} = {value}  # {comment}\n" if comment else f"{key} = {value}\n")
     return "".join(parts)
 
 
@@ -220,6 +221,7 @@ def _toml(value: Any) -> str:
     return json.dumps(value) if isinstance(value, bool | str) else repr(value)
 
 
+@functools.cache
 def _comments(kind: type) -> dict[str, tuple[list[str], str]]:
     """For each field the comment lines above it and the one beside it (or the docstring below it)."""
     source = inspect.getsource(kind)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 
 @dataclass(frozen=True)
@@ -44,3 +44,16 @@ class DepthConfig:
 
     # how quickly old answers are forgotten, per cm driven
     memory_share_per_cm: float = 0.002
+
+    def __post_init__(self) -> None:
+        for key, value in asdict(self).items():
+            if isinstance(value, int) and value < 1:
+                raise ValueError(f"{key} = {value} must be at least 1")
+            if not value >= 0:
+                raise ValueError(f"{key} = {value} is negative")
+            if "_share" in key and value > 1:
+                raise ValueError(f"{key} = {value} is over 1, and it is a share")
+        if not 0 < self.nearest_cm < self.farthest_cm:
+            raise ValueError(
+                f"nearest_cm = {self.nearest_cm} must be above 0 and below farthest_cm = {self.farthest_cm}"
+            )

@@ -1,0 +1,40 @@
+"""A small sequence folder that tests may break."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+WIDTH, HEIGHT, FOCAL = 96, 72, 110.0
+
+
+def small_image(z_cm: float) -> np.ndarray:
+    """A red square of 20 cm, 60 cm from the start, on a grey wall; seen from z_cm. (72, 96, 3) BGR."""
+    half = FOCAL * 10 / (60 - z_cm)
+    # Share of each column and row that the square covers; OpenCV's own shapes are half a pixel too wide.
+    across = np.clip(half + 0.5 - np.abs(np.arange(WIDTH) - (WIDTH - 1) / 2), 0, 1)
+    down = np.clip(half + 0.5 - np.abs(np.arange(HEIGHT) - (HEIGHT - 1) / 2), 0, 1)
+    share = (down[:, None] * across)[..., None]
+    sharp = share * (50, 50, 200) + (1 - share) * (190, 190, 185)
+    return np.round(cv2.GaussianBlur(sharp, None, 0.7)).astype(np.uint8)
+
+
+@pytest.fixture
+def sequence_folder(tmp_path: Path) -> Path:
+    """Four frames, 2 cm apart, two of them JPEG."""
+    folder = tmp_path / "run"
+    (folder / "frames").mkdir(parents=True)
+    rows = ["frame,file,t_s,x_cm,y_cm,z_cm,qw,qx,qy,qz"]
+    for k in range(4):
+        name = f"frames/{k:03d}.{'png' if k < 2 else 'jpg'}"
+        full_chroma = [cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444]
+        assert cv2.imwrite(str(folder / name), small_image(2.0 * k), [] if k < 2 else full_chroma)
+        rows.append(f"{k},{name},{0.1 * k:.1f},0,0,{2.0 * k},1,0,0,0")
+    (folder / "poses.csv").write_text("\n".join(rows) + "\n")
+    camera = {"width": WIDTH, "height": HEIGHT, "fx": FOCAL, "fy": FOCAL, "cx": 47.5, "cy": 35.5}
+    (folder / "camera.json").write_text(json.dumps(camera | {"distortion": [0, 0, 0, 0, 0]}))
+    return folder
