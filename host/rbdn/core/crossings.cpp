@@ -7,74 +7,96 @@ namespace rbdn {
 
 namespace {
 
-constexpr double kTie = 2e-3;  // crossings closer than this may be listed in either order
+constexpr double kTie = 2e-3;     // crossings closer than this may be listed in either order
+constexpr int kBucketShift = 2;   // edges are sorted to 4 px
 
-// Lines whose coordinate lies in [low, high), so that an edge's end is counted by exactly one of its edges.
-struct LineRange {
-    int first;
-    int last;
-};
-LineRange lines_between(double low, double high, int count) {
-    return {std::max(0, first_pixel_from(low)), std::min(count, first_pixel_from(high)) - 1};
-}
+// First pixel whose centre lies at or beyond the coordinate.
+int first_pixel_from(double coordinate) { return ceil_px(coordinate - 0.5); }
 
 }  // namespace
 
 void CrossingLines::build(const Mesh& mesh, Axis axis) {
     const bool rows = axis == Axis::kRows;
     const int lines = rows ? mesh.height : mesh.width;
+    const int size_px = rows ? mesh.width : mesh.height;
     start_.assign(lines + 1, 0);
-
-    const auto across = [rows](Vec2 p) { return rows ? p.y : p.x; };
-    const auto along = [rows](Vec2 p) { return rows ? p.x : p.y; };
-
-    for (const Edge& e : mesh.edges) {
-        if (e.dead) continue;
-        const double u = across(mesh.vertices[e.a].p), v = across(mesh.vertices[e.b].p);
-        const auto [first, last] = lines_between(std::min(u, v), std::max(u, v), lines);
-        for (int k = first; k <= last; ++k) ++start_[k + 1];
-    }
+    collect_tracks(mesh, rows);
+    sort_tracks(size_px);
     for (int k = 0; k < lines; ++k) start_[k + 1] += start_[k];
     items_.resize(start_[lines]);
-    fill_.assign(start_.begin(), start_.end() - 1);
+    fill_lines(size_px);
+    consistent_ = put_ties_in_order();
+}
 
+// One track an edge, counted into start_.
+void CrossingLines::collect_tracks(const Mesh& mesh, bool rows) {
+    const int lines = static_cast<int>(start_.size()) - 1;
+    tracks_.clear();
     for (int n = 0; n < static_cast<int>(mesh.edges.size()); ++n) {
         const Edge& e = mesh.edges[n];
         if (e.dead) continue;
         const Vec2 a = mesh.vertices[e.a].p, b = mesh.vertices[e.b].p;
-        const double u = across(a), v = across(b);
-        const auto [first, last] = lines_between(std::min(u, v), std::max(u, v), lines);
+        const double u = rows ? a.y : a.x, v = rows ? b.y : b.x;
+        const double at_u = rows ? a.x : a.y, at_v = rows ? b.x : b.y;
+        // Half open, so that a vertex on a line is counted by exactly one of its edges.
+        const int first = std::max(0, first_pixel_from(std::min(u, v)));
+        const int last = std::min(lines, first_pixel_from(std::max(u, v))) - 1;
         if (first > last) continue;
-        const double slope = (along(b) - along(a)) / (v - u);
         // A row meets the left face second where the edge runs down, a column where it runs left.
         const bool left_is_after = rows ? v > u : v < u;
-        const int before = left_is_after ? e.right : e.left;
-        const int after = left_is_after ? e.left : e.right;
-        for (int k = first; k <= last; ++k) {
-            const double at = along(a) + slope * (k + 0.5 - u);
+        tracks_.push_back({first, last, u, at_u, (at_v - at_u) / (v - u), n, left_is_after ? e.right : e.left,
+                           left_is_after ? e.left : e.right});
+        for (int k = first; k <= last; ++k) ++start_[k + 1];
+    }
+}
+
+// Roughly from left to right (or top to bottom), so that the lines come out nearly sorted.
+void CrossingLines::sort_tracks(int size_px) {
+    const auto bucket_of = [&](const Track& t) {
+        const double middle = t.at_from + t.slope * (0.5 * (t.first + t.last + 1) - t.from);
+        return std::clamp(static_cast<int>(middle), 0, size_px) >> kBucketShift;
+    };
+    bucket_.assign((size_px >> kBucketShift) + 2, 0);
+    for (const Track& t : tracks_) ++bucket_[bucket_of(t) + 1];
+    for (std::size_t k = 1; k < bucket_.size(); ++k) bucket_[k] += bucket_[k - 1];
+    sorted_.resize(tracks_.size());
+    for (const Track& t : tracks_) sorted_[bucket_[bucket_of(t)]++] = t;
+}
+
+void CrossingLines::fill_lines(int size_px) {
+    fill_.assign(start_.begin(), start_.end() - 1);
+    for (const Track& t : sorted_) {
+        for (int k = t.first; k <= t.last; ++k) {
+            const double at = t.at_from + t.slope * (k + 0.5 - t.from);
             int place = fill_[k]++;
             for (; place > start_[k] && items_[place - 1].at > at; --place) items_[place] = items_[place - 1];
-            items_[place] = {at, n, before, after};
-        }
-    }
-
-    for (int k = 0; k < lines; ++k) {
-        int expected = kOutside;
-        for (int i = start_[k]; i < start_[k + 1]; ++i) {
-            if (items_[i].before != expected) {
-                for (int j = i + 1; j < start_[k + 1] && items_[j].at - items_[i].at < kTie; ++j) {
-                    if (items_[j].before == expected) {
-                        std::swap(items_[i], items_[j]);
-                        break;
-                    }
-                }
-            }
-            expected = items_[i].after;
+            items_[place] = {at, std::clamp(first_pixel_from(at), 0, size_px), t.edge, t.before, t.after};
         }
     }
 }
 
+// Swaps crossings that nearly coincide where that makes neighbours agree; returns whether all agree then.
+bool CrossingLines::put_ties_in_order() {
+    bool consistent = true;
+    for (int k = 0; k < line_count(); ++k) {
+        int expected = kOutside;
+        for (int i = start_[k]; i < start_[k + 1]; ++i) {
+            for (int j = i + 1; items_[i].before != expected; ++j) {
+                if (j == start_[k + 1] || items_[j].at - items_[i].at >= kTie) {
+                    consistent = false;
+                    break;
+                }
+                if (items_[j].before == expected) std::swap(items_[i], items_[j]);
+            }
+            expected = items_[i].after;
+        }
+        if (expected != kOutside) consistent = false;
+    }
+    return consistent;
+}
+
 void CrossingLines::collect_bad_edges(std::vector<int>& bad) const {
+    if (consistent_) return;
     for (int k = 0; k < line_count(); ++k) {
         const auto crossings = line(k);
         int expected = kOutside;
@@ -98,27 +120,24 @@ std::vector<ColourSum> Crossings::face_sums(const Mesh& mesh, const Image& image
     std::vector<ColourSum> sums(mesh.faces.size());
     for (int y = 0; y < rows_.line_count(); ++y) {
         const auto crossings = rows_.line(y);
+        const RowSums sum = image.row_sums(y);
         for (std::size_t i = 0; i + 1 < crossings.size(); ++i) {
-            const int x0 = std::clamp(first_pixel_from(crossings[i].at), 0, mesh.width);
-            const int x1 = std::clamp(first_pixel_from(crossings[i + 1].at), 0, mesh.width);
-            if (x1 > x0 && crossings[i].after >= 0) sums[crossings[i].after].add(image.span(y, x0, x1));
+            const int x0 = crossings[i].pixel, x1 = crossings[i + 1].pixel;
+            if (x1 > x0 && crossings[i].after >= 0) sums[crossings[i].after].add_span(sum, x0, x1);
         }
     }
     return sums;
 }
 
-std::vector<int> Crossings::face_of_pixels(const Mesh& mesh) const {
-    std::vector<int> face(static_cast<std::size_t>(mesh.width) * mesh.height, 0);
+void Crossings::face_of_pixels(const Mesh& mesh, std::vector<int>& face) const {
+    face.resize(static_cast<std::size_t>(mesh.width) * mesh.height);
     for (int y = 0; y < rows_.line_count(); ++y) {
         const auto crossings = rows_.line(y);
         int* row = face.data() + static_cast<std::size_t>(y) * mesh.width;
-        for (std::size_t i = 0; i + 1 < crossings.size(); ++i) {
-            const int x0 = std::clamp(first_pixel_from(crossings[i].at), 0, mesh.width);
-            const int x1 = std::clamp(first_pixel_from(crossings[i + 1].at), 0, mesh.width);
-            if (x1 > x0) std::fill(row + x0, row + x1, crossings[i].after);
-        }
+        for (std::size_t i = 0; i + 1 < crossings.size(); ++i)
+            if (crossings[i + 1].pixel > crossings[i].pixel)
+                std::fill(row + crossings[i].pixel, row + crossings[i + 1].pixel, crossings[i].after);
     }
-    return face;
 }
 
 }  // namespace rbdn

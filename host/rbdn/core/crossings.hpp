@@ -15,6 +15,7 @@ namespace rbdn {
 
 struct Crossing {
     double at;   // coordinate along the line
+    int pixel;   // first pixel of the line whose centre lies at or beyond it
     int edge;
     int before;  // face on the side of smaller coordinates
     int after;
@@ -35,13 +36,26 @@ public:
     void collect_bad_edges(std::vector<int>& bad) const;
 
 private:
+    // What an edge adds to every line it crosses.
+    struct Track {
+        int first, last;  // lines
+        double from, at_from, slope;
+        int edge, before, after;
+    };
+
+    void collect_tracks(const Mesh& mesh, bool rows);
+    void sort_tracks(int size_px);
+    void fill_lines(int size_px);
+    bool put_ties_in_order();
+
     std::vector<int> start_;
     std::vector<Crossing> items_;
-    std::vector<int> fill_;
-};
+    bool consistent_ = true;
 
-// First pixel whose centre lies at or beyond the coordinate.
-inline int first_pixel_from(double coordinate) { return static_cast<int>(std::ceil(coordinate - 0.5)); }
+    // Scratch, kept for its memory.
+    std::vector<Track> tracks_, sorted_;
+    std::vector<int> bucket_, fill_;
+};
 
 class Crossings {
 public:
@@ -54,7 +68,7 @@ public:
     std::vector<ColourSum> face_sums(const Mesh& mesh, const Image& image) const;
 
     // Face of every pixel, row after row.
-    std::vector<int> face_of_pixels(const Mesh& mesh) const;
+    void face_of_pixels(const Mesh& mesh, std::vector<int>& face) const;
 
 private:
     CrossingLines rows_;

@@ -62,7 +62,7 @@ std::vector<Scan> plan_scans(const Mesh& mesh, const ClaimRule& rule, int reach_
         const Colour left = idle ? Colour{} : mesh.faces[e.left].mean;
         const Colour right = idle ? Colour{} : mesh.faces[e.right].mean;
         scans.push_back({by_rows, idle,
-                         std::min(kDeepestRun, static_cast<int>(std::ceil(reach_px * std::sqrt(dx * dx + dy * dy) / steep))),
+                         std::min(kDeepestRun, ceil_px(reach_px * std::sqrt(dx * dx + dy * dy) / steep)),
                          0.5 * (from + to), from <= to, Claim(left, right, rule), Claim(right, left, rule)});
     }
     return scans;
@@ -71,7 +71,6 @@ std::vector<Scan> plan_scans(const Mesh& mesh, const ClaimRule& rule, int reach_
 // One axis of the disparity: edges that cross these lines steeply.
 void measure_along(const Mesh& mesh, const CrossingLines& lines, bool rows, const Image& image,
                    const std::vector<Scan>& scans, std::vector<Disparity>& out) {
-    const int size = rows ? mesh.width : mesh.height;
     const int stride = rows ? 1 : mesh.width;
     for (int k = 0; k < lines.line_count(); ++k) {
         const auto crossings = lines.line(k);
@@ -84,9 +83,9 @@ void measure_along(const Mesh& mesh, const CrossingLines& lines, bool rows, cons
             const bool left_is_before = c.before == mesh.edges[c.edge].left;
             const Claim& by_after = left_is_before ? scan.by_right : scan.by_left;
             const Claim& by_before = left_is_before ? scan.by_left : scan.by_right;
-            const int here = std::clamp(first_pixel_from(c.at), 0, size);
-            const int low = std::max(std::clamp(first_pixel_from(crossings[i - 1].at), 0, size), here - scan.depth);
-            const int high = std::min(std::clamp(first_pixel_from(crossings[i + 1].at), 0, size), here + scan.depth);
+            const int here = c.pixel;
+            const int low = std::max(crossings[i - 1].pixel, here - scan.depth);
+            const int high = std::min(crossings[i + 1].pixel, here + scan.depth);
             int run_before = 0;
             for (int at = here - 1; at >= low && by_after(line[at * stride]); --at) ++run_before;
             int run_after = 0;

@@ -100,8 +100,7 @@ std::vector<char> off_pixels(const Mesh& mesh, const Crossings& crossings, const
         char* marks = far.data() + static_cast<std::size_t>(y) * width;
         for (std::size_t i = 0; i + 1 < line.size(); ++i) {
             const Colour mean = mesh.faces[line[i].after].mean;
-            const int x1 = std::clamp(first_pixel_from(line[i + 1].at), 0, width);
-            for (int x = std::clamp(first_pixel_from(line[i].at), 0, width); x < x1; ++x)
+            for (int x = line[i].pixel; x < line[i + 1].pixel; ++x)
                 marks[x] = distance2(row[x], mean) > gate2;
         }
     }

@@ -18,6 +18,16 @@ inline double dot(Vec2 a, Vec2 b) { return a.x * b.x + a.y * b.y; }
 inline double cross(Vec2 a, Vec2 b) { return a.x * b.y - a.y * b.x; }
 inline double length(Vec2 a) { return std::sqrt(dot(a, a)); }
 
+// As std::floor and std::ceil for coordinates, which fit an int; without SSE4 those are function calls.
+inline int floor_px(double v) {
+    const int whole = static_cast<int>(v);
+    return whole - (v < whole);
+}
+inline int ceil_px(double v) {
+    const int whole = static_cast<int>(v);
+    return whole + (v > whole);
+}
+
 // The normal that points to the left face of an edge with direction `along`.
 inline Vec2 left_normal(Vec2 along) {
     const double size = length(along);

@@ -1,14 +1,30 @@
 // The working image: colours in the net's own space, with row prefix sums for fast means.
 #include "image.hpp"
 
+#include <bit>
 #include <cmath>
 
 namespace rbdn {
 
-void ColourSum::add(const ColourSum& other) {
-    count += other.count;
-    for (int k = 0; k < 3; ++k) sum[k] += other.sum[k];
-}
+namespace {
+
+// What each value of each channel contributes to a pixel, ready to be put together by "or".
+struct ChannelTables {
+    std::array<std::array<std::uint64_t, 256>, 3> packed;
+
+    explicit ChannelTables(double lightness_weight) {
+        for (int v = 0; v < 256; ++v) {
+            // Lightness carries an object's own shading; discounting it keeps lit and dark sides together.
+            const double lightness = v * (100.0 / 255.0) * lightness_weight * Image::kUnitsPerLab;
+            const auto hue = static_cast<std::int16_t>((v - 128) * Image::kUnitsPerLab);
+            packed[0][v] = std::bit_cast<std::uint64_t>(Pixel{{static_cast<std::int16_t>(std::lround(lightness)), 0, 0, 0}});
+            packed[1][v] = std::bit_cast<std::uint64_t>(Pixel{{0, hue, 0, 0}});
+            packed[2][v] = std::bit_cast<std::uint64_t>(Pixel{{0, 0, hue, 0}});
+        }
+    }
+};
+
+}  // namespace
 
 Colour ColourSum::mean() const {
     Colour out{};
@@ -22,31 +38,21 @@ void Image::load(const std::uint8_t* lab, int width, int height, double lightnes
     height_ = height;
     pixels_.resize(static_cast<std::size_t>(width) * height);
     prefix_.resize(static_cast<std::size_t>(width + 1) * height);
-
-    // Lightness carries an object's own shading; discounting it keeps lit and dark sides together.
-    std::array<std::int16_t, 256> lightness{};
-    for (int v = 0; v < 256; ++v)
-        lightness[v] = static_cast<std::int16_t>(std::lround(v * (100.0 / 255.0) * lightness_weight * kUnitsPerLab));
+    const ChannelTables table(lightness_weight);
 
     for (int y = 0; y < height; ++y) {
         const std::uint8_t* in = lab + static_cast<std::size_t>(y) * width * 3;
         Pixel* out = &pixels_[static_cast<std::size_t>(y) * width];
-        auto* sum = &prefix_[static_cast<std::size_t>(y) * (width + 1)];
-        sum[0] = {0, 0, 0};
-        for (int x = 0; x < width; ++x, in += 3) {
-            out[x] = {{lightness[in[0]], static_cast<std::int16_t>((in[1] - 128) * 4),
-                       static_cast<std::int16_t>((in[2] - 128) * 4), 0}};
-            for (int k = 0; k < 3; ++k) sum[x + 1][k] = sum[x][k] + out[x].c[k];
+        for (int x = 0; x < width; ++x, in += 3)
+            out[x] = std::bit_cast<Pixel>(table.packed[0][in[0]] | table.packed[1][in[1]] | table.packed[2][in[2]]);
+        PrefixSum* sum = &prefix_[static_cast<std::size_t>(y) * (width + 1)];
+        PrefixSum total{};
+        sum[0] = total;
+        for (int x = 0; x < width; ++x) {
+            for (int k = 0; k < 4; ++k) total.c[k] += out[x].c[k];
+            sum[x + 1] = total;
         }
     }
-}
-
-ColourSum Image::span(int y, int x0, int x1) const {
-    const auto* sum = &prefix_[static_cast<std::size_t>(y) * (width_ + 1)];
-    ColourSum out;
-    out.count = x1 - x0;
-    for (int k = 0; k < 3; ++k) out.sum[k] = sum[x1][k] - sum[x0][k];
-    return out;
 }
 
 }  // namespace rbdn

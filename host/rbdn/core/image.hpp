@@ -14,11 +14,25 @@ struct Pixel {
     std::int16_t c[4];  // lightness, a, b; the fourth keeps pixels aligned
 };
 
+// Sums over the pixels of a row before each place; four numbers, so that they are added in one go.
+struct PrefixSum {
+    std::int32_t c[4];
+};
+using RowSums = const PrefixSum*;
+
 struct ColourSum {
     std::int64_t count = 0;
     std::array<std::int64_t, 3> sum{};
 
-    void add(const ColourSum& other);
+    void add(const ColourSum& other) {
+        count += other.count;
+        for (int k = 0; k < 3; ++k) sum[k] += other.sum[k];
+    }
+    // The pixels [x0, x1) of a row.
+    void add_span(RowSums row, int x0, int x1) {
+        count += x1 - x0;
+        for (int k = 0; k < 3; ++k) sum[k] += row[x1].c[k] - row[x0].c[k];
+    }
     Colour mean() const;
 };
 
@@ -43,14 +57,14 @@ public:
     int height() const { return height_; }
     const Pixel& at(int x, int y) const { return pixels_[static_cast<std::size_t>(y) * width_ + x]; }
 
-    // Sum over the pixels [x0, x1) of row y.
-    ColourSum span(int y, int x0, int x1) const;
+    // Prefix sums of row y: width + 1 of them.
+    RowSums row_sums(int y) const { return &prefix_[static_cast<std::size_t>(y) * (width_ + 1)]; }
 
 private:
     int width_ = 0;
     int height_ = 0;
     std::vector<Pixel> pixels_;
-    std::vector<std::array<std::int32_t, 3>> prefix_;  // per row, width + 1 entries
+    std::vector<PrefixSum> prefix_;
 };
 
 }  // namespace rbdn

@@ -234,6 +234,12 @@ Fan fan_at(const Mesh& mesh, int vertex) {
 std::vector<int> Mesh::vertices_with_torn_wedges() const {
     std::vector<int> torn;
     for (int v = 0; v < static_cast<int>(vertices.size()); ++v) {
+        if (degree(v) == 2) {  // most are, and two edges need no sorting
+            const Edge& here = edges[spokes[v].edge[0]];
+            const Edge& next = edges[spokes[v].edge[1]];
+            if (here.right_from(v) != next.left_from(v) || next.right_from(v) != here.left_from(v)) torn.push_back(v);
+            continue;
+        }
         const Fan fan = fan_at(*this, v);
         for (int k = 0; k < fan.count; ++k) {
             // Angles grow clockwise on the screen: the wedge after an edge lies to its right.

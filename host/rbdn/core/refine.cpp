@@ -64,7 +64,7 @@ private:
     bool is_outline(const Edge& e) const { return !e.on_border() && region(e.left) != region(e.right); }
 
     int region_at(Vec2 p) const {
-        const int x = static_cast<int>(std::floor(p.x)), y = static_cast<int>(std::floor(p.y));
+        const int x = floor_px(p.x), y = floor_px(p.y);
         return region_of_[labels_[static_cast<std::size_t>(y) * mesh_.width + x]];
     }
     bool inside(Vec2 p) const {
@@ -326,8 +326,8 @@ void LinearImage::load(const std::uint8_t* bgr, int width, int height) {
 
 std::array<float, 3> LinearImage::at(Vec2 p) const {
     const double x = p.x - 0.5, y = p.y - 0.5;
-    const int x0 = std::clamp(static_cast<int>(std::floor(x)), 0, width_ - 2);
-    const int y0 = std::clamp(static_cast<int>(std::floor(y)), 0, height_ - 2);
+    const int x0 = std::clamp(floor_px(x), 0, width_ - 2);
+    const int y0 = std::clamp(floor_px(y), 0, height_ - 2);
     const auto u = static_cast<float>(x - x0), v = static_cast<float>(y - y0);
     const auto* row = &pixels_[static_cast<std::size_t>(y0) * width_ + x0];
     const auto* below = row + width_;

@@ -34,7 +34,7 @@ std::map<FacePair, Step> measure_steps(const Mesh& mesh, const Image& image, con
         const Vec2 unit = (1.0 / size) * mesh.along(e);
         const Vec2 normal = left_normal(mesh.along(e));
         const auto sample = [&](Vec2 p, int face, std::array<double, 3>& sum, int& count) {
-            const int x = static_cast<int>(std::floor(p.x)), y = static_cast<int>(std::floor(p.y));
+            const int x = floor_px(p.x), y = floor_px(p.y);
             if (x < 0 || y < 0 || x >= mesh.width || y >= mesh.height) return;
             if (labels[static_cast<std::size_t>(y) * mesh.width + x] != face) return;
             const Pixel& pixel = image.at(x, y);

@@ -75,7 +75,7 @@ void Tracker::finish() {
     mesh_.compact_faces();
     crossings_.build(mesh_);
     update_means();
-    labels_ = crossings_.face_of_pixels(mesh_);
+    crossings_.face_of_pixels(mesh_, labels_);
     known_off_ = off_pixels(mesh_, crossings_, image_, kOffGate * eta());
     const double units = Image::kUnitsPerLab;
     regions_ = grouping_.update(mesh_, image_, labels_,
@@ -146,7 +146,7 @@ void Tracker::update_means() {
 // Fragmentation (section 3): what does not fit its polygon becomes small squares, and the deformation regroups them.
 void Tracker::cut_out_news() {
     update_means();
-    labels_ = crossings_.face_of_pixels(mesh_);
+    crossings_.face_of_pixels(mesh_, labels_);
     const std::vector<char> off = off_pixels(mesh_, crossings_, image_, kOffGate * eta());
     if (fragment_faces(mesh_, labels_, off, known_off_, config_.square_px) == 0) return;
     vectorise(mesh_, crossings_, labels_);
