@@ -72,7 +72,9 @@ class SimulatedCamera:
         wait_us = self._time_us(seq) - now_us
         if wait_us > timeout_s * 1e6:
             self._advance_to(now_us + int(timeout_s * 1e6))
-            raise DeviceError(f"camera: no picture within {timeout_s:g} s at {self._fps:g} a second; wait longer")
+            raise DeviceError(
+                f"camera: no picture within {timeout_s:g} s at {self._fps:g} a second; wait longer"
+            )
         if wait_us > 0:
             self._advance_to(self._time_us(seq))
         self._last_seq = seq

@@ -1,0 +1,171 @@
+"""How a drive truly went. Nothing in here may reach what drives; it is called beside it or afterwards."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from host.depth.report import DepthReport
+from host.pose import Pose
+from host.rbdn.snapshot import Snapshot
+from host.sim.render import TrueFrame
+from host.sim.session import Simulation
+
+DEPTH_EVERY_S = 0.5  # neighbouring frames have nearly the same errors, and truth takes as long as a picture
+SMALLEST_PX = 20  # regions with fewer pixels have no truth worth the name
+
+
+@dataclass(frozen=True)
+class DepthSample:
+    """One region's depth against the truth."""
+
+    t_s: float
+    region: int
+    object_id: int  # that most of the region's pixels show
+    background: bool  # part of the room: floor, wall or ceiling
+    depth_cm: float
+    sigma_cm: float | None
+    true_cm: float  # mean over the region's pixels that show the object
+
+    @property
+    def error(self) -> float:
+        """Relative, positive when too far."""
+        return self.depth_cm / self.true_cm - 1.0
+
+
+def score_depths(
+    snapshot: Snapshot, report: DepthReport, truth: TrueFrame, background: Iterable[int], t_s: float = 0.0
+) -> list[DepthSample]:
+    """Every region that has a depth, against the truth of the same frame.
+
+    Parameters
+    ----------
+    snapshot, report
+        Of one frame.
+    truth
+        Of the same frame.
+    background
+        Ids of the objects that belong to the room.
+    t_s
+        When the frame was taken.
+    """
+    room = frozenset(background)
+    samples = []
+    for region in snapshot.regions:
+        found = report.regions.get(region.id)
+        if found is None or found.depth_cm is None:
+            continue
+        mask = region_mask(region.loops, truth.object_id.shape)
+        ids = truth.object_id[mask]
+        if len(ids) < SMALLEST_PX:
+            continue
+        owner = int(np.bincount(ids).argmax())
+        if owner == 0:
+            continue
+        true_cm = float(truth.depth_cm[mask & (truth.object_id == owner)].mean(dtype=float))
+        samples.append(
+            DepthSample(t_s, region.id, owner, owner in room, found.depth_cm, found.sigma_cm, true_cm)
+        )
+    return samples
+
+
+def region_mask(loops: Sequence[np.ndarray], shape: tuple[int, int]) -> np.ndarray:
+    """Pixels (H, W) whose centres lie inside, even-odd over all loops, each (N, 2) in pixels."""
+    height, width = shape
+    flips = np.zeros((height, width + 1), np.int32)
+    for loop in loops:
+        for (x0, y0), (x1, y1) in zip(loop, np.roll(loop, -1, axis=0), strict=True):
+            if y0 > y1:
+                x0, y0, x1, y1 = x1, y1, x0, y0
+            rows = np.arange(max(math.ceil(y0), 0), min(math.ceil(y1), height))
+            if len(rows):
+                crossing = x0 + (rows - y0) * ((x1 - x0) / (y1 - y0))
+                flips[rows, np.clip(np.ceil(crossing), 0, width).astype(int)] += 1
+    return (np.cumsum(flips, axis=1)[:, :width] & 1).astype(bool)
+
+
+def summarise(samples: Sequence[DepthSample]) -> dict[str, Any]:
+    """Count, median and 90th percentile of the absolute error in percent of the depth; None without any."""
+    errors = np.abs([100.0 * s.error for s in samples])
+    return {
+        "count": len(errors),
+        "median_percent": round(float(np.median(errors)), 3) if len(errors) else None,
+        "p90_percent": round(float(np.percentile(errors, 90)), 3) if len(errors) else None,
+    }
+
+
+class Score:
+    """Truth about one simulated drive.
+
+    Attributes
+    ----------
+    samples : list[DepthSample]
+        From the frames that were looked at, one each half second.
+    """
+
+    def __init__(self, simulation: Simulation) -> None:
+        self.samples: list[DepthSample] = []
+        self._simulation = simulation
+        self._looked_s = -math.inf
+
+    def watch(self, t_s: float, snapshot: Snapshot, report: DepthReport) -> None:
+        """Take in what was made of the frame taken at `t_s`; call within 10 s of it."""
+        if t_s - self._looked_s < DEPTH_EVERY_S:
+            return
+        self._looked_s = t_s
+        renderer = self._simulation.renderer
+        truth = renderer.truth(self._simulation.true_pose(t_s))
+        self.samples += score_depths(snapshot, report, truth, renderer.background_ids, t_s)
+
+    def pose_error(self, estimate: Pose) -> dict[str, float]:
+        """Distance in cm and angle in degrees from the true camera pose at ``estimate.t_s``.
+
+        Raises
+        ------
+        ValueError
+            That is more than 10 s ago, or yet to come.
+        """
+        return pose_difference(estimate, self._simulation.true_pose(estimate.t_s))
+
+    def summary(self, final: Pose | None) -> dict[str, Any]:
+        """The part of result.json that needs the truth.
+
+        Parameters
+        ----------
+        final
+            Last estimate of the camera's pose, its time in ``t_s``; None if there is none.
+
+        Returns
+        -------
+        dict
+            ``collisions``; ``min_clearance_cm`` from the rim; ``true_distance_cm`` of the axle's middle;
+            ``final_pose_error`` {position_cm, heading_deg} or None; ``depth_errors`` {count, median_percent,
+            p90_percent} of all regions, and the same of those that are no part of the room in ``things``.
+        """
+        body = self._simulation.body
+        error = None if final is None else self.pose_error(final)
+        things = [s for s in self.samples if not s.background]
+        return {
+            "collisions": body.collisions,
+            "min_clearance_cm": round(body.min_clearance_cm, 2),
+            "true_distance_cm": round(body.distance_cm, 2),
+            "final_pose_error": error,
+            "depth_errors": {**summarise(self.samples), "things": summarise(things)},
+        }
+
+
+def pose_difference(estimate: Pose, truth: Pose) -> dict[str, float]:
+    """``position_cm`` and ``heading_deg`` (of the whole rotation) between two poses."""
+    turned = estimate.rotation.T @ truth.rotation
+    sine = np.linalg.norm(
+        [turned[2, 1] - turned[1, 2], turned[0, 2] - turned[2, 0], turned[1, 0] - turned[0, 1]]
+    )
+    angle = math.atan2(float(sine) / 2, (float(np.trace(turned)) - 1) / 2)
+    return {
+        "position_cm": round(float(np.linalg.norm(estimate.position_cm - truth.position_cm)), 3),
+        "heading_deg": round(math.degrees(angle), 3),
+    }
