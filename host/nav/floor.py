@@ -93,8 +93,8 @@ class FloorFinder:
         known = {region.id for region in snapshot.regions}
         self._votes = {k: v for k, v in self._votes.items() if k in known}
         self._learn_colour(snapshot)
-        mixed = np.isin(labels, list(self._mixed))
-        floor = np.isin(labels, [i for i in known if self.is_floor(i)])
+        mixed = np.asarray(np.isin(labels, list(self._mixed)))
+        floor = np.asarray(np.isin(labels, [i for i in known if self.is_floor(i)]))
         near = mixed & (rays.down > self._height_cm / MIXED_CM)
         return floor | near, mixed & (rays.down > self._height_cm / FARTHEST_CM)
 

@@ -118,7 +118,7 @@ class ObstacleMap:
                 continue
             standing.append(found)
             self.obstacles[region.id] = _obstacle(found, feet, pose)
-        self._paint(pose, lens, feet, unsure.any(axis=0), standing)
+        self._paint(pose, lens, feet, np.asarray(unsure.any(axis=0)), standing)
 
     def _remembers(self, standing: Standing, feet: Feet, pose: Pose) -> bool:
         """Whether something is known to be at least as near as the lower border there."""

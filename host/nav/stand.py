@@ -91,7 +91,7 @@ class Feet:
 def _first_other(mask: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Upwards in each column: row of the first pixel not in the mask, is there none, is it the lowest."""
     up = np.argmax(~mask[::-1], axis=0)
-    none = mask.all(axis=0)
+    none = np.asarray(mask.all(axis=0))
     return np.where(none, 0, len(mask) - 1 - up), none, (up == 0) & ~none
 
 

@@ -1,0 +1,106 @@
+"""Camera, robot and clock from their URIs: all three simulated, or all three real."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from host.camera.frame import FrameSource
+from host.camera.lens import Lens
+from host.camera.lens_file import read_lens
+from host.camera.source import open_camera
+from host.errors import UsageError
+from host.link.clock import Clock, SystemClock
+from host.link.robot import Robot
+from host.link.serial_port import SerialPort
+from host.nav.pilot import View
+from host.nav.result import DriveLog
+from host.sim.scoring import Score
+from host.sim.session import Simulation
+
+
+@dataclass(frozen=True)
+class Rig:
+    """What a drive needs of the outside world, with an open session."""
+
+    camera: FrameSource
+    robot: Robot
+    clock: Clock
+    lens: Lens
+    goal_cm: tuple[float, float] | None  # the task that a simulated world sets
+    score: Score | None  # knows the truth of a simulated world; hears, and is asked when all is over
+
+    def watch(self, view: View) -> None:
+        """Let the truth look at what was made of a frame."""
+        if self.score is not None:
+            self.score.watch(view.pose.t_s, view.snapshot, view.depths)
+
+    def truth(self, log: DriveLog) -> dict[str, Any]:
+        """The part of result.json that only the simulator knows; nulls elsewhere."""
+        if self.score is None:
+            keys = ("collisions", "min_clearance_cm", "true_distance_cm", "final_pose_error", "depth_errors")
+            return {**dict.fromkeys(keys), "depths": None}
+        depths = [
+            {
+                "t_s": round(s.t_s, 3),
+                "region": s.region,
+                "background": s.background,
+                "depth_cm": round(s.depth_cm, 2),
+                "sigma_cm": None if s.sigma_cm is None else round(s.sigma_cm, 2),
+                "true_cm": round(s.true_cm, 2),
+                "error_percent": round(100 * s.error, 2),
+            }
+            for s in self.score.samples
+        ]
+        return {**self.score.summary(log.path[-1] if log.path else None), "depths": depths}
+
+    def link_counters(self) -> dict[str, Any]:
+        """What both ends of the line saw go wrong."""
+        theirs = self.robot.robot_counters
+        return {
+            "host": asdict(self.robot.counters),
+            "robot": None if theirs is None else asdict(theirs),
+            "refused_by_robot": self.robot.refusals,
+        }
+
+
+@contextmanager
+def open_rig(camera_uri: str, robot_uri: str, lens_file: Path | None) -> Iterator[Rig]:
+    """Open everything and connect; close it all at the end, motors first.
+
+    Raises
+    ------
+    UsageError
+        A URI names nothing, one is simulated and the other not, or a real camera's lens is not known.
+    DeviceError
+        Camera or robot do not answer.
+    """
+    simulated = robot_uri == "sim:"
+    if robot_uri.partition(":")[0] == "sim" and not simulated:
+        raise UsageError(f"robot {robot_uri!r}: write sim: alone; the camera's URI names the world")
+    if simulated != camera_uri.startswith("sim:"):
+        raise UsageError(
+            f"camera {camera_uri} and robot {robot_uri} do not go together: simulate both or neither"
+        )
+    if simulated:
+        simulation = Simulation(camera_uri)
+        with Robot(simulation.transport, simulation.clock) as robot:
+            robot.connect()
+            world = simulation.world
+            yield Rig(
+                simulation.camera, robot, simulation.clock, world.lens, world.goal_cm, Score(simulation)
+            )
+        return
+    camera = open_camera(camera_uri, None if lens_file is None else read_lens(lens_file))
+    try:
+        if camera.lens is None:
+            raise UsageError(f"camera {camera_uri}: its lens is not known; name its camera.json with --lens")
+        clock = SystemClock()
+        with Robot(SerialPort(robot_uri), clock) as robot:
+            robot.connect()
+            yield Rig(camera, robot, clock, camera.lens, None, None)
+    finally:
+        camera.close()

@@ -1,0 +1,187 @@
+"""The main job: look, measure, map, steer, drive, until the goal is reached or something ends the drive.
+
+    python host/nav_loop.py --camera sim:room?seed=1 --robot sim: --goal -69,284 --max-time 50 --json out.json
+
+Leaves runs/<time>/ (and runs/latest) with result.json and annotated pictures.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+if __package__ in (None, ""):  # run as a script: the package lies one folder up
+    sys.path[0] = str(Path(__file__).resolve().parent.parent)
+
+import math
+import signal
+import time
+from dataclasses import dataclass
+from typing import Any
+
+from rich.console import Console
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
+
+from host.config import Config, read_command_line
+from host.errors import UsageError, run_command
+from host.nav.drive import drive
+from host.nav.gallery import Gallery
+from host.nav.pilot import Pilot, View
+from host.nav.result import DriveLog, new_run_folder, write_json
+from host.nav.rig import open_rig
+from host.record.atomic import check_writable
+
+RUNS = Path("runs")
+
+
+@dataclass(frozen=True)
+class Options:
+    """Drive to a goal by what the camera sees, and leave a result in runs/latest."""
+
+    camera: str = "sim:room?seed=1"  # sim:room?seed=N, or a webcam's number or device
+    robot: str = "sim:"  # sim: with a simulated camera, else a serial port such as /dev/ttyACM0
+    goal: str | None = (
+        None  # X,Z in cm from the camera at the start, to the right and ahead; a room has its own
+    )
+    max_time: float = 50.0  # seconds after which the drive ends wherever it is
+    json: Path | None = None  # write the result here as well
+    lens: Path | None = None  # camera.json of a real camera
+    view: bool = True  # show the live line on a terminal
+
+
+def parse_goal(text: str, config: Config) -> tuple[float, float]:
+    """``X,Z`` in cm; UsageError where it is no point on the map."""
+    try:
+        x, z = (float(part) for part in text.split(","))
+    except ValueError:
+        raise UsageError(f"--goal {text}: not two numbers; write X,Z in cm, such as 0,200") from None
+    limit = config.nav.map_half_cm
+    if not (abs(x) < limit and abs(z) < limit):
+        raise UsageError(
+            f"--goal {text}: off the map; keep both within ±{limit:.0f} cm or set nav.map_half_cm"
+        )
+    return x, z
+
+
+def main() -> int:
+    """The command: exit code 0 also for blocked and timeout, which are ends a drive may have."""
+    options, config = read_command_line(Options, _joined_goal(sys.argv[1:]))
+    goal_cm = None if options.goal is None else parse_goal(options.goal, config)
+    if not 0 < options.max_time < math.inf:
+        raise UsageError(f"--max-time {options.max_time:g}: give seconds above zero")
+    if options.json is not None:
+        check_writable(options.json, folder=False)
+    check_writable(RUNS, folder=True)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # a polite kill ends as Ctrl-C does
+
+    with open_rig(options.camera, options.robot, options.lens) as rig:
+        goal_cm = goal_cm or rig.goal_cm
+        if goal_cm is None:
+            raise UsageError("--goal is missing: write X,Z in cm, such as --goal 0,200 for two metres ahead")
+        pilot = Pilot(rig.lens, goal_cm, net=config.net, depth=config.depth, body=config.body, nav=config.nav)
+        gallery = Gallery()
+        with Ticker(options.view) as ticker:
+
+            def on_view(view: View, log: DriveLog) -> None:
+                gallery.add(view)
+                rig.watch(view)
+                ticker.show(log)
+
+            log, code = drive(rig.camera, rig.robot, rig.clock, pilot, config.nav, options.max_time, on_view)
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # the motors stand; what is left takes a second
+        result = {
+            "camera": options.camera,
+            "robot": options.robot,
+            "goal_cm": [round(v, 3) for v in goal_cm],
+            **log.as_dict(),
+            **rig.truth(log),
+            "link": rig.link_counters(),
+        }
+    folder = new_run_folder(RUNS, time.strftime("%Y%m%d-%H%M%S"))
+    write_json(result, folder / "result.json")
+    if options.json is not None:
+        write_json(result, options.json)
+    gallery.write(folder, pilot.map, config.body, goal_cm, log)
+    print_summary(result, folder)
+    return code
+
+
+def _joined_goal(arguments: list[str]) -> list[str]:
+    """``--goal -50,200`` as ``--goal=-50,200``, which cannot be mistaken for an option."""
+    out: list[str] = []
+    for argument in arguments:
+        if out and out[-1] == "--goal":
+            out[-1] = f"--goal={argument}"
+        else:
+            out.append(argument)
+    return out
+
+
+class Ticker:
+    """One live line on a terminal: time, distance, what the robot does and why."""
+
+    EVERY_S = 0.1
+
+    def __init__(self, wanted: bool) -> None:
+        console = Console(stderr=True)
+        self._live = Live(console=console, transient=True, auto_refresh=False) if wanted else None
+        if not console.is_terminal:
+            self._live = None
+        self._shown_s = -math.inf
+
+    def __enter__(self) -> Ticker:
+        if self._live is not None:
+            self._live.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._live is not None:
+            self._live.stop()
+
+    def show(self, log: DriveLog) -> None:
+        now_s = time.monotonic()
+        if self._live is None or now_s - self._shown_s < self.EVERY_S:
+            return
+        self._shown_s = now_s
+        last = log.decisions[-1]
+        line = (
+            f"{log.duration_s:5.1f} s  {log.distance_cm:5.0f} cm  {last.v_mm_s / 10:4.0f} cm/s  {last.reason}"
+        )
+        self._live.update(Text(line, overflow="ellipsis", no_wrap=True), refresh=True)
+
+
+def print_summary(result: dict[str, Any], folder: Path) -> None:
+    """The end of the drive as a table."""
+    table = Table(show_header=False, title=f"{result['outcome']}: {result['reason']}", title_justify="left")
+    for name, value in _summary_rows(result):
+        table.add_row(name, value)
+    table.add_row("result", str(folder / "result.json"))
+    Console().print(table)
+
+
+def _summary_rows(result: dict[str, Any]) -> list[tuple[str, str]]:
+    def number(value: float | None, unit: str, digits: int = 1) -> str:
+        return "not known" if value is None else f"{value:.{digits}f} {unit}"
+
+    ms, depth, error = result["frame_time_ms"], result["depth_errors"], result["final_pose_error"]
+    rows = [
+        ("time", number(result["duration_s"], "s")),
+        ("distance", number(result["distance_cm"], "cm", 0)),
+        ("closest approach", number(result["min_clearance_cm"], "cm")),
+        ("collisions", "not known" if result["collisions"] is None else str(result["collisions"])),
+        ("final pose off by", "not known" if error is None else number(error["position_cm"], "cm")),
+    ]
+    if depth is None or not depth["count"]:
+        rows.append(("depth error", "not known"))
+    else:
+        text = f"median {depth['median_percent']:.1f} %, 90 % within {depth['p90_percent']:.1f} %"
+        rows.append(("depth error", f"{text} ({depth['count']} depths)"))
+    rows.append(("frames", f"{result['frames']}, {result['dropped_frames']} dropped"))
+    rows.append(("frame time", f"median {number(ms['median'], 'ms')}, p95 {number(ms['p95'], 'ms')}"))
+    return rows
+
+
+if __name__ == "__main__":
+    run_command(main)
