@@ -27,7 +27,9 @@ from host.depth.report import Declined, Estimate
 from host.rbdn.snapshot import Region, Snapshot
 
 MIN_FACING = 0.5  # cosine beyond which the common orientation no longer faces the region
-BREAK_SIGMAS = 6.0  # two frames in a row this far from the line begin a new history
+BREAK_SIGMAS = 6.0  # a sight so far from the line of the others does not belong to it
+BREAK_FRAMES = 2  # so many of them in a row begin a new history
+TUKEY = 4.7  # residuals so many times their scale hardly count
 FORGET_FRAMES = 30  # a region not seen for so long has no history
 
 
@@ -46,7 +48,7 @@ class _History:
     rotation: np.ndarray  # (3, 3) camera-to-world rotation all areas are compared in
     sights: list[_Sight] = field(default_factory=list)
     last_seq: int = 0
-    off_line: int = 0  # frames in a row that did not fit
+    off_line: list[_Sight] = field(default_factory=list)  # the last ones in a row that did not fit
 
 
 class AreaMethod:
@@ -113,72 +115,106 @@ class AreaMethod:
     def _answer(self, history: _History, sight: _Sight, centre: np.ndarray) -> Estimate | Declined:
         sights = history.sights
         moved = not sights or _distance(sights[-1], sight) >= self._config.min_step_cm
-        seen = [*sights, sight]
-        answer, residual = self._regress(history, seen, centre)
+        if moved and self._off_line(history, sight):
+            history.off_line.append(sight)
+            if len(history.off_line) < BREAK_FRAMES:
+                return self._regress(history, sights, sight, centre)
+            history.sights, history.off_line = history.off_line, []
+            return Declined("its area jumped; a new baseline begins")
+        answer = self._regress(history, [*sights, sight], sight, centre)
         if moved:
-            history.off_line = history.off_line + 1 if residual > BREAK_SIGMAS else 0
+            history.off_line = []
             sights.append(sight)
-            if history.off_line >= 2:
-                history.sights = sights[-2:]
-                history.off_line = 0
-                return Declined("its area jumped; a new baseline begins")
             if len(sights) > self._config.area_history:
                 positions = np.array([s.station.pose.position_cm for s in sights])
                 del sights[most_redundant(positions, sight.station.pose.position_cm)]
         return answer
 
+    def _off_line(self, history: _History, sight: _Sight) -> bool:
+        """Whether a sight contradicts the line through the earlier ones."""
+        if len(history.sights) < 3:
+            return False
+        line = _fit_line(_driven(history, history.sights, sight.station), history.sights)
+        if line is None:
+            return False
+        expected = line.mean_y - line.slope * line.mean_d
+        spread = expected * sight.relative_sigma * line.scale
+        doubt = np.sqrt(spread**2 + line.scale**2 * (1 / line.weight + line.mean_d**2 / line.sdd))
+        return bool(abs(sight.inverse_size - expected) > BREAK_SIGMAS * doubt)
+
     def _regress(
-        self, history: _History, sights: list[_Sight], centre: np.ndarray
-    ) -> tuple[Estimate | Declined, float]:
-        """The answer, and how many sigmas the newest sight is off the line of the others."""
+        self, history: _History, sights: list[_Sight], present: _Sight, centre: np.ndarray
+    ) -> Estimate | Declined:
+        """Depth at the present from a line through the sights."""
         c = self._config
-        now = sights[-1].station
-        back = history.rotation.T
-        driven = np.array([(back @ (s.station.pose.position_cm - now.pose.position_cm))[2] for s in sights])
+        now = present.station
         y = np.array([s.inverse_size for s in sights])
+        driven = _driven(history, sights, now)
         growth = float(y.max() / y.min() - 1)
-        if len(sights) < 2 or growth < c.min_change or np.ptp(driven) < c.min_step_cm:
-            return Declined("too little motion towards it"), 0.0
-        sigma = y * np.array([max(s.relative_sigma, 1e-4) for s in sights])
-        weight = sigma**-2
-        robust = np.ones(len(y))
-        for _ in range(5 if len(y) >= 4 else 1):
-            w = weight * robust
-            mean_d, mean_y = w @ driven / w.sum(), w @ y / w.sum()
-            along = driven - mean_d
-            sdd = w @ along**2
-            slope = (w * along) @ (y - mean_y) / sdd
-            off = (y - mean_y - slope * along) / sigma
-            scale = max(1.0, 1.4826 * float(np.median(np.abs(off))))
-            robust = np.clip(1 - (off / (4.7 * scale)) ** 2, 0.02, 1) ** 2
-        residual = float(abs(off[-1]) / scale) if len(y) >= 4 else 0.0
-        if slope >= 0:
-            return Declined("its area does not grow with the motion"), residual
-        y_now = mean_y - slope * mean_d
-        depth_then = -y_now / slope
-        # variance of intercept over slope: of y at the present, and of the slope about the mean
-        chi2 = scale**2
-        lever = -mean_d + depth_then  # distance from the data's mean to where the line meets zero
-        variance = chi2 / slope**2 * (1 / w.sum() + lever**2 / sdd)
-        first = sights[int(np.argmax(np.abs(driven)))].station
-        baseline = max(abs(driven).max(), 1e-9)
-        odometry = travel_sigma_cm(now, first) / baseline
+        line = _fit_line(driven, sights)
+        if line is None or growth < c.min_change or np.ptp(driven) < c.min_step_cm:
+            return Declined("too little motion towards it")
+        if line.slope >= 0:
+            return Declined("its area does not grow with the motion")
+        depth_then = -(line.mean_y - line.slope * line.mean_d) / line.slope
+        # the line is uncertain in its height and, about its middle, in its slope
+        lever = depth_then - line.mean_d
+        variance = line.scale**2 / line.slope**2 * (1 / line.weight + lever**2 / line.sdd)
+        farthest = sights[int(np.argmax(np.abs(driven)))]
+        odometry = travel_sigma_cm(now, farthest.station) / max(abs(driven).max(), 1e-9)
         ray = np.array([*centre, 1.0])
         depth = depth_then * float((now.pose.rotation.T @ history.rotation @ ray)[2])
-        relative = np.sqrt(variance / depth_then**2 + odometry**2 + c.area_model_share**2)
-        change = self._shape_change(sights[int(np.argmax(np.abs(driven)))], sights[-1])
-        allowed = c.area_shape_change * growth + 8 * sights[-1].relative_sigma
-        if change > allowed:
-            return Declined(f"its shape changed by {100 * change:.0f} %, not only its size"), residual
-        if depth <= 0 or relative > c.max_relative_sigma:
-            return Declined(f"too uncertain ({100 * relative:.0f} %)"), residual
-        return Estimate(depth, float(relative * depth)), residual
+        relative = float(np.sqrt(variance / depth_then**2 + odometry**2 + c.area_model_share**2))
+        change = self._shape_change(farthest, present)
+        if change > c.area_shape_change * growth + 8 * present.relative_sigma:
+            return Declined(f"its shape changed by {100 * change:.0f} %, not only its size")
+        if depth <= 0 or not relative < c.max_relative_sigma:
+            return Declined(f"too uncertain ({100 * relative:.0f} %)")
+        return Estimate(depth, relative * depth)
 
     @staticmethod
     def _shape_change(a: _Sight, b: _Sight) -> float:
         """Half the relative change of the second moments over area; zero for pure scaling."""
         size = 0.5 * (a.shape[0] + a.shape[1])
         return float(0.5 * np.abs(b.shape - a.shape).max() / size)
+
+
+@dataclass(frozen=True)
+class _Line:
+    """1/sqrt(A) = mean_y + slope * (d - mean_d)."""
+
+    slope: float
+    mean_d: float
+    mean_y: float
+    weight: float  # sum of the weights
+    sdd: float  # weighted square deviations of d
+    scale: float  # of the residuals, in their sigmas, at least 1
+
+
+def _fit_line(driven: np.ndarray, sights: list[_Sight]) -> _Line | None:
+    """Robust weighted line; None where all sights are from one place."""
+    if len(sights) < 2 or np.ptp(driven) == 0:
+        return None
+    y = np.array([s.inverse_size for s in sights])
+    sigma = y * np.array([max(s.relative_sigma, 1e-4) for s in sights])
+    weight = sigma**-2
+    w, scale = weight, 1.0
+    for _ in range(5 if len(y) >= 4 else 1):
+        mean_d, mean_y = float(w @ driven / w.sum()), float(w @ y / w.sum())
+        along = driven - mean_d
+        sdd = float(w @ along**2)
+        slope = float((w * along) @ (y - mean_y) / sdd)
+        off = (y - mean_y - slope * along) / sigma
+        line = _Line(slope, mean_d, mean_y, float(w.sum()), sdd, scale)
+        scale = max(1.0, 1.4826 * float(np.median(np.abs(off))))
+        w = weight * np.clip(1 - (off / (TUKEY * scale)) ** 2, 0.02, 1) ** 2
+    return line
+
+
+def _driven(history: _History, sights: list[_Sight], now: Station) -> np.ndarray:
+    """How far before the present each sight was taken, along the common optical axis, cm."""
+    moved = np.array([s.station.pose.position_cm - now.pose.position_cm for s in sights])
+    return moved.reshape(-1, 3) @ history.rotation[:, 2]
 
 
 def _distance(a: _Sight, b: _Sight) -> float:

@@ -61,15 +61,16 @@ class Estimator:
         regions = {}
         for region in snapshot.regions:
             outline = outlines.depths[region.id]
-            answers = {
+            found = outline if isinstance(outline, OutlineDepth) else None
+            answers: dict[str, Estimate | Declined] = {
                 "area": areas[region.id],
                 "vertex": self._vertex.region(region, vertices, own.get(region.id, 1.0)),
-                "outline": outline.surface if isinstance(outline, OutlineDepth) else outline,
+                "outline": outline if isinstance(outline, Declined) else outline.surface,
             }
             estimates = {m: a for m, a in answers.items() if isinstance(a, Estimate)}
             declined = {m: a.reason for m, a in answers.items() if isinstance(a, Declined)}
             fused = self._memory.update(region.id, combine(estimates), self._middle(region), station)
-            regions[region.id] = as_region_depth(fused, estimates, declined)
+            regions[region.id] = as_region_depth(fused, estimates, declined, found)
         return DepthReport(regions, vertices)
 
     def _middle(self, region: Region) -> np.ndarray:

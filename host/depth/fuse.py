@@ -15,6 +15,7 @@ import numpy as np
 
 from host.depth.config import DepthConfig
 from host.depth.motion import Station, travel_sigma_cm
+from host.depth.outline import OutlineDepth
 from host.depth.report import Estimate, RegionDepth
 
 METHOD_CORRELATION = 0.5
@@ -147,10 +148,15 @@ def as_region_depth(
     answer: tuple[Estimate, str, str | None] | None,
     estimates: dict[str, Estimate],
     declined: dict[str, str],
+    outline: OutlineDepth | None,
 ) -> RegionDepth:
     """The report's line on one region."""
+    silhouette = outline.silhouette_cm if outline else None
+    slope = outline.slope if outline else None
     if answer is None:
         reasons = "; ".join(f"{m}: {why}" for m, why in declined.items())
-        return RegionDepth(None, None, None, reasons or "no motion yet", estimates, declined)
+        return RegionDepth(None, None, None, reasons, estimates, declined)
     estimate, method, note = answer
-    return RegionDepth(estimate.depth_cm, estimate.sigma_cm, method, note, estimates, declined)
+    return RegionDepth(
+        estimate.depth_cm, estimate.sigma_cm, method, note, estimates, declined, silhouette, slope
+    )

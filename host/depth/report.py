@@ -32,6 +32,8 @@ class RegionDepth:
     method_note: str | None  # why there is no depth, or what speaks against the one there is
     estimates: dict[str, Estimate] = field(default_factory=dict)  # by method
     declined: dict[str, str] = field(default_factory=dict)  # reason by method
+    silhouette_cm: float | None = None  # where the outline is: behind the surface on round things
+    slope: tuple[float, float] | None = None  # d(1/Z)/dx, dy in 1/(cm px), where the outline shows a slant
 
 
 @dataclass(frozen=True)
