@@ -152,7 +152,10 @@ class World:
         return nearest
 
     def has_path(self, width_cm: float) -> bool:
-        """Can a disc of this diameter get from the start (0, 0) to the goal?"""
+        """Can a disc of this diameter surely get from the start (0, 0) to the goal?
+
+        A way that is up to 6 cm wider than the disc may be missed.
+        """
         cell = 4.0
         room = self.room
         x = np.arange(room.left_cm, room.right_cm, cell)
