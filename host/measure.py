@@ -134,7 +134,7 @@ def run(options: MeasureOptions, config: Config) -> None:
         check_writable(options.pictures, folder=True)
     frames: list[dict[str, Any]] = []
     last: MeasuredFrame | None = None
-    with _progress(len(sequence.frames)) as advance, _gallery(options.pictures) as gallery:
+    with _progress(len(sequence.frames)) as advance, _gallery(options.pictures, sequence) as gallery:
         for last in measure_sequence(
             sequence, Net(config.net, sequence.lens), Estimator(sequence.lens, config.depth)
         ):
@@ -221,7 +221,7 @@ def _progress(total: int) -> Iterator[Callable[[], None]]:
 
 
 @contextlib.contextmanager
-def _gallery(folder: Path | None) -> Iterator[Callable[[MeasuredFrame], None] | None]:
+def _gallery(folder: Path | None, sequence: Sequence) -> Iterator[Callable[[MeasuredFrame], None] | None]:
     """Takes frames and draws them; the pictures move into `folder` when all went well."""
     if folder is None:
         yield None
@@ -234,7 +234,8 @@ def _gallery(folder: Path | None) -> Iterator[Callable[[MeasuredFrame], None] | 
     with tempfile.TemporaryDirectory(prefix="pictures-") as drafts:
 
         def add(frame: MeasuredFrame) -> None:
-            caption = f"frame {frame.source.number}   {frame.source.pose.t_s:.2f} s"
+            since_start_s = frame.source.pose.t_s - sequence.frames[0].pose.t_s
+            caption = f"frame {frame.source.number}   {since_start_s:.2f} s"
             picture = draw_net(frame.image, frame.snapshot, frame.depths, caption)
             cv2.imwrite(str(Path(drafts) / f"{frame.source.number:06d}.png"), picture)
 
