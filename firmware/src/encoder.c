@@ -49,8 +49,6 @@ static int16_t speed_from_marks(const struct encoder *encoder)
         uint16_t moved = (uint16_t)(newest->count - encoder->marks[i].count);
         if (encoder->direction < 0)
             moved = (uint16_t)-moved;
-        if (counts != 0 && moved > encoder->span_max)
-            break;
         counts = moved;
         us = newest->us - encoder->marks[i].us;
         if (moved % 4 == 0)

@@ -55,11 +55,9 @@ static void update(struct supervisor *supervisor, uint16_t saw)
         if ((row->from & IN(supervisor->state)) && (inputs & row->needs) == row->needs) {
             supervisor->state = row->to;
             supervisor->fault = row->fault;
-            break;
+            return;
         }
     }
-    if (supervisor->state != STATE_DRIVING)
-        supervisor->setpoint_alive = false;
 }
 
 static void set_standing(struct supervisor *supervisor, uint16_t input, bool holds)
@@ -100,8 +98,6 @@ uint8_t supervisor_drive(struct supervisor *supervisor, uint32_t now_us, uint32_
         return REFUSED_BAD_VALUE;
 
     update(supervisor, SAW_DRIVE);
-    if (supervisor->state != STATE_DRIVING)
-        return REFUSED_FAULT_LATCHED;
     supervisor->drive_us = now_us;
     supervisor->hold_us = (uint32_t)ahead_us < DEAD_MAN_US ? (uint32_t)ahead_us : DEAD_MAN_US;
     supervisor->setpoint_alive = true;

@@ -33,7 +33,7 @@ struct supervisor {
     uint16_t standing;       // inputs that hold until they change, a set of bits private to supervisor.c
     uint32_t drive_us;       // when the last DRIVE was obeyed
     uint32_t hold_us;        // how long after that its setpoint lives
-    bool setpoint_alive;     // never true again without a new DRIVE
+    bool setpoint_alive;     // its deadline has not passed
     bool battery_sagging;    // below minimum, but perhaps not for long
     uint32_t battery_sag_us; // since when
 };

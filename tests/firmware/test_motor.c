@@ -99,6 +99,20 @@ static void the_duty_stays_within_its_limit_at_the_worst_of_everything(void **st
     }
 }
 
+static void no_gain_and_no_speed_overflows(void **state)
+{
+    (void)state;
+    const struct motor_gains extremes[] = {
+        {INT16_MAX, INT16_MAX, INT16_MAX, INT16_MAX, INT16_MAX, INT16_MAX},
+        {.integral_q12 = INT16_MAX, .integral_limit = INT16_MAX, .duty_limit = INT16_MAX},
+    };
+    for (int i = 0; i < 2; i++) {
+        motor_init(&motor, &extremes[i]);
+        assert_int_equal(after_ticks(3, INT16_MAX, INT16_MIN), INT16_MAX);
+        assert_int_equal(after_ticks(3, -INT16_MAX, INT16_MAX), -INT16_MAX);
+    }
+}
+
 static void a_long_stall_at_the_limit_does_not_wind_up(void **state)
 {
     (void)state;
@@ -166,6 +180,7 @@ int main(void)
         cmocka_unit_test(the_integral_part_grows_with_error_and_time),
         cmocka_unit_test(the_integral_stops_at_its_own_limit),
         cmocka_unit_test(the_duty_stays_within_its_limit_at_the_worst_of_everything),
+        cmocka_unit_test(no_gain_and_no_speed_overflows),
         cmocka_unit_test(a_long_stall_at_the_limit_does_not_wind_up),
         cmocka_unit_test(at_the_limit_the_integral_may_still_come_back),
         cmocka_unit_test(what_one_direction_taught_is_forgotten_in_the_other),

@@ -29,14 +29,14 @@ def test_duty_stays_within_its_limit_and_is_zero_for_a_setpoint_of_zero(
 @settings(max_examples=150, deadline=None)
 @given(
     gains=gains,
-    setpoint_q4=st.integers(1, 16000),
+    setpoint_q4=st.integers(1, 16000) | st.integers(-16000, -1),
     longer=st.integers(1, 2000),
     after=st.lists(st.integers(-16000, 16000), min_size=1, max_size=20),
 )
 def test_how_long_a_wheel_was_stuck_at_the_limit_makes_no_difference_afterwards(
     firmware: FirmwareInC, gains: tuple[int, ...], setpoint_q4: int, longer: int, after: list[int]
 ) -> None:
-    limit = gains[-1]
+    limit = gains[-1] if setpoint_q4 > 0 else -gains[-1]
     short, long = firmware.new("motor", *gains), firmware.new("motor", *gains)
     for _ in range(400):
         duty = firmware.c.motor_update(short, setpoint_q4, 0)

@@ -315,6 +315,34 @@ static void stop_brakes_at_once(void **state)
     expect_motors_off();
 }
 
+static void a_refused_drive_changes_nothing(void **state)
+{
+    (void)state;
+    int16_t target_q4 = rig.robot.drive.target_q4[DRIVE_LEFT];
+    uint8_t seq = rig.robot.drive_seq;
+    struct msg_drive late = {-300, 0, rig.now_us - 1};
+    uint8_t payload[MSG_DRIVE_SIZE];
+    msg_drive_encode(&late, payload);
+    tell(MSG_DRIVE, payload, sizeof payload);
+    expect_nack(MSG_DRIVE, REFUSED_EXPIRED);
+    assert_int_equal(rig.robot.drive.target_q4[DRIVE_LEFT], target_q4);
+    assert_int_equal(rig.robot.drive_seq, seq);
+}
+
+static void after_a_stop_driving_begins_as_if_for_the_first_time(void **state)
+{
+    (void)state;
+    tell_drive(500, 0);
+    ticks(1);
+    int16_t first = rig.hal.duty[DRIVE_LEFT];
+    ticks(30);
+    assert_true(rig.hal.duty[DRIVE_LEFT] > 2 * first);
+    tell(MSG_STOP, NULL, 0);
+    tell_drive(500, 0);
+    ticks(1);
+    assert_int_equal(rig.hal.duty[DRIVE_LEFT], first);
+}
+
 static void a_repeated_drive_is_not_obeyed_twice(void **state)
 {
     (void)state;
@@ -455,6 +483,8 @@ int main(void)
         cmocka_unit_test_setup(an_estop_needs_no_session_and_no_order, driving),
         cmocka_unit_test_setup(clear_with_the_right_nonce_allows_driving_again, driving),
         cmocka_unit_test_setup(stop_brakes_at_once, driving),
+        cmocka_unit_test_setup(a_refused_drive_changes_nothing, driving),
+        cmocka_unit_test_setup(after_a_stop_driving_begins_as_if_for_the_first_time, session),
         cmocka_unit_test_setup(a_repeated_drive_is_not_obeyed_twice, session),
         cmocka_unit_test_setup(omega_to_the_right_drives_the_left_wheel_harder, session),
         cmocka_unit_test_setup(the_start_is_a_ramp, session),
