@@ -1,0 +1,219 @@
+"""The body: motors that lag and differ, encoders that count every half centimetre, walls that stop it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from itertools import pairwise
+
+import pytest
+
+from host.camera.lens import Lens
+from host.sim.board import Side
+from host.sim.body import PHASES, STEP_US, Body, BodyModel
+from host.sim.world import Box, Material, Room, World, world_from_uri
+
+GREY = Material((128.0, 128.0, 128.0))
+EQUAL = BodyModel(mismatch=0.0, sag_mv=0.0)
+
+
+class FakeBoard:
+    """Duties in, encoder edges out, without firmware."""
+
+    def __init__(self) -> None:
+        self.time_us = 0
+        self.duties = {Side.LEFT: 0.0, Side.RIGHT: 0.0}
+        self.edges: dict[Side, list[tuple[int, bool, bool]]] = {Side.LEFT: [], Side.RIGHT: []}
+        self.battery_mv: list[int] = []
+
+    def duty(self, side: Side) -> float:
+        return self.duties[side]
+
+    def set_encoder_pins(self, side: Side, a: bool, b: bool, at_us: int) -> None:
+        self.edges[side].append((at_us, a, b))
+
+    def set_battery_mv(self, mv: int) -> None:
+        self.battery_mv.append(mv)
+
+    def drive(self, body: Body, left: float, right: float, ms: int) -> None:
+        self.duties = {Side.LEFT: left, Side.RIGHT: right}
+        for _ in range(ms):
+            body.step()
+            self.time_us += STEP_US
+
+    def counts(self, side: Side) -> int:
+        """What an ideal decoder counts; every edge must be a step to a neighbouring phase."""
+        count, phase = 0, 0
+        for _, a, b in self.edges[side]:
+            turn = (PHASES.index((a, b)) - phase) % 4
+            assert turn in (1, 3)
+            count += 1 if turn == 1 else -1
+            phase = (phase + turn) % 4
+        return count
+
+
+def hall(*things: Box) -> World:
+    """10 m wide and 20 m long, with nothing near the start but what is given."""
+    room = Room(-500, 500, -300, 1700, 250, GREY, GREY, GREY, GREY, GREY, GREY, (0.0, 200.0, 0.0))
+    return World("hall", room, things, 15.0, Lens(320, 240, 371.0, 371.0, 159.5, 119.5), (0.0, 200.0), 0)
+
+
+def body_in(world: World, model: BodyModel = EQUAL, seed: int = 0) -> tuple[Body, FakeBoard]:
+    board = FakeBoard()
+    return Body(world, board, model, seed), board  # type: ignore[arg-type]
+
+
+def test_speed_settles_at_what_the_duty_is_worth() -> None:
+    body, board = body_in(hall())
+    board.drive(body, 0.54, 0.54, 1000)
+    assert body.speed_cm_s == pytest.approx(35.0, rel=1e-6)  # half of what lies above the dead zone
+
+
+def test_a_motor_has_done_63_percent_of_a_change_after_its_time_constant() -> None:
+    body, board = body_in(hall())
+    board.drive(body, 0.54, 0.54, 50)
+    assert body.speed_cm_s == pytest.approx(35.0 * (1 - math.exp(-1)), rel=1e-9)
+
+
+@pytest.mark.parametrize("duty", [0.079, -0.079])
+def test_duty_within_the_dead_zone_moves_nothing(duty: float) -> None:
+    body, board = body_in(hall())
+    board.drive(body, duty, duty, 500)
+    assert body.distance_cm == 0.0 and not board.edges[Side.LEFT]
+
+
+def test_a_wheel_without_power_comes_to_rest_for_good() -> None:
+    body, board = body_in(hall())
+    board.drive(body, 0.5, 0.5, 500)
+    board.drive(body, 0.0, 0.0, 600)
+    assert body.speed_cm_s == 0.0
+
+
+def test_the_left_motor_is_three_percent_faster_at_equal_duty() -> None:
+    body, board = body_in(hall(), BodyModel(sag_mv=0.0))
+    board.drive(body, 0.3, 0.3, 3000)
+    left, right = board.counts(Side.LEFT), board.counts(Side.RIGHT)
+    assert left / right == pytest.approx(1.03, abs=0.015)  # a count of some 100 may be missing on each
+    heading = math.asin(body.pose_at(board.time_us).rotation[0, 2])
+    assert heading > 0  # to the right
+
+
+def test_the_battery_sags_with_the_load_and_slows_the_motors() -> None:
+    body, board = body_in(hall(), replace(EQUAL, sag_mv=300.0))
+    board.drive(body, 1.0, 1.0, 1000)
+    assert board.battery_mv[0] == 7400 and board.battery_mv[-1] == 7100
+    assert body.speed_cm_s == pytest.approx(70.0 * 7100 / 7400, rel=1e-3)
+    board.drive(body, 0.0, 0.0, 1)
+    assert board.battery_mv[-1] == 7400
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_encoder_counts_are_the_distance_in_half_centimetres(seed: int) -> None:
+    body, board = body_in(hall(), seed=seed)
+    board.drive(body, 0.4, 0.4, 4000)
+    assert body.distance_cm > 50
+    for side in Side:
+        assert abs(board.counts(side) - body.distance_cm / 0.5) < 1.0
+
+
+def test_there_and_back_leaves_the_counts_where_the_wheels_are() -> None:
+    body, board = body_in(hall())
+    board.drive(body, 0.4, 0.3, 1300)
+    board.drive(body, -0.5, -0.25, 1100)
+    pose = body.pose_at(board.time_us)
+    # Wheels alone say how far it turned: the difference of their ways over the track.
+    heading = math.atan2(pose.rotation[0, 2], pose.rotation[2, 2])
+    turned_cm = heading * EQUAL.track_cm
+    assert abs(0.5 * (board.counts(Side.LEFT) - board.counts(Side.RIGHT)) - turned_cm) < 1.0
+
+
+def test_edges_come_at_the_moment_the_wheel_is_there() -> None:
+    body, board = body_in(hall())
+    board.drive(body, 0.54, 0.54, 3000)
+    steady = [t for t, _, _ in board.edges[Side.LEFT] if t > 1_000_000]
+    gaps = [b - a for a, b in pairwise(steady)]
+    assert len(gaps) > 100
+    assert all(abs(gap - 0.5 / 35.0 * 1e6) <= 1.5 for gap in gaps)  # each edge is rounded to a microsecond
+
+
+def test_edges_while_speeding_up_follow_the_motors_equation() -> None:
+    body, board = body_in(hall())
+    board.drive(body, 0.54, 0.54, 300)
+    lag = EQUAL.lag_s
+
+    def way(t: float) -> float:
+        return 35.0 * (t - lag * (1 - math.exp(-t / lag)))
+
+    ways = [way(t * 1e-6) for t, _, _ in board.edges[Side.LEFT]]
+    assert len(ways) > 10
+    assert all(b - a == pytest.approx(0.5, abs=1e-4) for a, b in pairwise(ways))
+
+
+def test_edges_never_lie_before_the_board_has_got_there() -> None:
+    body, board = body_in(hall())
+    for _ in range(400):
+        before = len(board.edges[Side.LEFT])
+        now_us = board.time_us
+        board.drive(body, 0.6, -0.6, 1)
+        assert all(now_us <= t <= now_us + STEP_US for t, _, _ in board.edges[Side.LEFT][before:])
+
+
+def test_turning_on_the_spot_swings_the_camera_round_the_axle() -> None:
+    body, board = body_in(hall())
+    board.drive(body, 0.3, -0.3, 500)
+    pose = body.pose_at(board.time_us)
+    heading = math.atan2(pose.rotation[0, 2], pose.rotation[2, 2])
+    assert heading > 0.1 and body.distance_cm == pytest.approx(0.0, abs=1e-9)
+    assert pose.position_cm == pytest.approx([12 * math.sin(heading), 0, 12 * math.cos(heading) - 12])
+
+
+def test_poses_between_steps_lie_between_them() -> None:
+    body, board = body_in(hall())
+    board.drive(body, 0.54, 0.54, 1000)
+    a, b, c = (body.pose_at(900_000 + us).position_cm[2] for us in (0, 500, 1000))
+    assert a < b < c and b == pytest.approx((a + c) / 2, abs=1e-6)
+
+
+@pytest.mark.parametrize("t_us", [-1, 500_001, 1_000_000])
+def test_a_pose_of_no_known_time_is_refused(t_us: int) -> None:
+    body, board = body_in(hall())
+    board.drive(body, 0.0, 0.0, 500)
+    with pytest.raises(ValueError, match="no pose is known"):
+        body.pose_at(t_us)
+
+
+def test_a_box_ahead_stops_the_body_at_its_rim_and_counts_once() -> None:
+    body, board = body_in(hall(Box("box", 0.0, 60.0, 40.0, 20.0, 30.0, 0.0, GREY)))
+    board.drive(body, 0.4, 0.4, 6000)
+    centre_z = body.pose_at(board.time_us).position_cm[2] - EQUAL.camera_ahead_cm
+    assert body.collisions == 1
+    assert centre_z == pytest.approx(50 - EQUAL.radius_cm, abs=0.1)  # front face at 50 cm
+    assert body.min_clearance_cm == 0.0
+
+
+def test_backing_off_is_free_and_the_next_touch_counts_again() -> None:
+    body, board = body_in(hall(Box("box", 0.0, 60.0, 40.0, 20.0, 30.0, 0.0, GREY)))
+    board.drive(body, 0.4, 0.4, 5000)
+    board.drive(body, -0.4, -0.4, 1000)
+    assert body.pose_at(board.time_us).position_cm[2] < 45
+    board.drive(body, 0.4, 0.4, 3000)
+    assert body.collisions == 2
+
+
+def test_passing_by_measures_the_clearance_to_a_millimetre() -> None:
+    body, board = body_in(hall(Box("box", 30.0, 40.0, 20.0, 20.0, 30.0, 0.0, GREY)))
+    board.drive(body, 0.5, 0.5, 4000)
+    assert body.pose_at(board.time_us).position_cm[2] > 80
+    assert body.collisions == 0
+    assert body.min_clearance_cm == pytest.approx(20 - EQUAL.radius_cm, abs=0.1)  # its side is at x = 20
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_no_room_can_be_left_through_its_walls(seed: int) -> None:
+    world = world_from_uri(f"sim:room?seed={seed}")
+    body, board = body_in(world, seed=seed)
+    board.drive(body, 1.0, 0.9, 8000)
+    pose = body.pose_at(board.time_us)
+    centre = pose.position_cm - EQUAL.camera_ahead_cm * pose.rotation[:, 2]
+    assert body.collisions >= 1
+    assert world.distance_cm(centre[[0, 2]])[0] >= EQUAL.radius_cm - 0.1

@@ -1,0 +1,161 @@
+"""The simulated robot as the program meets it: a camera, a line and a clock, all in one virtual time."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from host.errors import DeviceError, UsageError
+from host.link.protocol import State
+from host.link.robot import Robot
+from host.sim.render import IDEAL
+from host.sim.session import Simulation
+
+
+def drive(simulation: Simulation, frames: int, v_mm_s: float, omega_rad_s: float) -> Robot:
+    robot = Robot(simulation.transport, simulation.clock)
+    robot.connect()
+    for _ in range(frames):
+        simulation.camera.read(0.3)
+        robot.poll()
+        robot.drive(v_mm_s, omega_rad_s)
+    return robot
+
+
+def test_the_firmware_drives_the_body_at_the_speed_asked_for() -> None:
+    simulation = Simulation("sim:boxes", webcam=IDEAL)
+    robot = drive(simulation, 30, 200.0, 0.0)
+    assert simulation.body.speed_cm_s == pytest.approx(20.0, abs=1.0)
+    assert robot.latest is not None and robot.latest.state == State.DRIVING
+    travelled_cm = 0.25 * (robot.latest.count_left + robot.latest.count_right)
+    assert travelled_cm == pytest.approx(simulation.body.distance_cm, abs=0.8)
+
+
+def test_omega_is_positive_to_the_right_from_the_line_to_the_pose() -> None:
+    simulation = Simulation("sim:boxes", webcam=IDEAL)
+    drive(simulation, 20, 0.0, 0.5)
+    rotation = simulation.true_pose(simulation.clock.now_s()).rotation
+    assert 0.4 < math.atan2(rotation[0, 2], rotation[2, 2]) < 0.7
+
+
+def test_a_program_that_falls_silent_is_stopped_by_the_dead_man() -> None:
+    simulation = Simulation("sim:boxes", webcam=IDEAL)
+    drive(simulation, 20, 200.0, 0.0)
+    simulation.clock.sleep_s(1.0)
+    assert simulation.body.speed_cm_s == 0.0
+
+
+def test_equal_calls_give_equal_pictures_bytes_and_poses() -> None:
+    def run() -> tuple:
+        simulation = Simulation("sim:room?seed=5")
+        drive(simulation, 6, 150.0, 0.2)
+        frame = simulation.camera.read(0.3)
+        assert frame is not None
+        return (
+            frame.image.tobytes(),
+            simulation.transport.read(),
+            tuple(simulation.true_pose(0.4).position_cm),
+        )
+
+    assert run() == run()
+
+
+def test_how_time_is_cut_up_changes_nothing() -> None:
+    """Waiting often and briefly, or once and long: the same body and the same board."""
+    ends = []
+    for pieces in (1, 7, 1000):
+        simulation = Simulation("sim:boxes", webcam=IDEAL)
+        drive(simulation, 10, 200.0, 0.3)
+        for _ in range(pieces):
+            simulation.clock.sleep_s(0.1 / pieces)
+        simulation.clock.sleep_s(0.8 - simulation.clock.now_s())
+        pose = simulation.true_pose(0.79)
+        ends.append((*pose.position_cm, pose.rotation[0, 2]))
+    assert ends[0] == ends[1] == ends[2]
+
+
+def test_sleep_adds_up_to_the_microsecond_however_short_its_pieces() -> None:
+    simulation = Simulation("sim:boxes")
+    for _ in range(10_000):
+        simulation.clock.sleep_s(0.3e-6)
+    assert simulation.clock.now_s() == pytest.approx(0.003, abs=1.5e-6)
+
+
+def test_reading_the_camera_takes_virtual_time_until_the_next_frame() -> None:
+    simulation = Simulation("sim:boxes", webcam=IDEAL, fps=20.0)
+    frames = [simulation.camera.read(0.3) for _ in range(4)]
+    assert [frame.seq for frame in frames if frame] == [0, 1, 2, 3]
+    assert [frame.t_s for frame in frames if frame] == pytest.approx([0.0, 0.05, 0.10, 0.15])
+    assert simulation.clock.now_s() == pytest.approx(0.15)
+
+
+def test_a_slow_reader_gets_the_newest_frame_with_its_own_time_and_place() -> None:
+    simulation = Simulation("sim:boxes", webcam=IDEAL, fps=10.0)
+    drive(simulation, 10, 300.0, 0.0)
+    last = round(simulation.clock.now_s() * 10)
+    simulation.clock.sleep_s(0.15)
+    late = simulation.camera.read(0.3)
+    assert late is not None and late.seq == last + 1
+    assert simulation.clock.now_s() == pytest.approx(late.t_s + 0.05)
+    there = simulation.renderer.light(simulation.true_pose(late.t_s))
+    again = simulation._webcam.take(there, late.t_s, late.seq)
+    assert np.array_equal(late.image, again)
+    here = simulation.renderer.light(simulation.true_pose(simulation.clock.now_s()))
+    assert not np.array_equal(late.image, simulation._webcam.take(here, late.t_s, late.seq))
+
+
+@pytest.mark.parametrize("fps", [15.0, 29.97, 30.0, 7.3])
+def test_every_frame_is_read_once_at_any_rate(fps: float) -> None:
+    """Rounding of frame times must neither repeat nor skip one."""
+    simulation = Simulation("sim:boxes", fps=fps)
+    taken: list[int] = []
+    camera = simulation.camera
+    camera._take = lambda t_us, seq: taken.append(seq) or np.zeros((1, 1, 3), np.uint8)  # rendering is slow
+    for _ in range(300):
+        camera.read(0.5)
+    assert taken == list(range(300))
+
+
+def test_a_frame_beyond_the_timeout_is_a_device_error_and_the_time_has_passed() -> None:
+    simulation = Simulation("sim:boxes", webcam=IDEAL, fps=5.0)
+    simulation.camera.read(0.3)
+    with pytest.raises(DeviceError, match=r"no picture within 0\.1 s"):
+        simulation.camera.read(0.1)
+    assert simulation.clock.now_s() == pytest.approx(0.1)
+    frame = simulation.camera.read(0.3)
+    assert frame is not None and frame.seq == 1
+
+
+def test_a_closed_camera_is_at_its_end() -> None:
+    simulation = Simulation("sim:boxes")
+    simulation.camera.close()
+    assert simulation.camera.read(0.3) is None
+
+
+def test_frames_are_colour_pictures_of_the_lens_size() -> None:
+    simulation = Simulation("sim:room?seed=2")
+    frame, lens = simulation.camera.read(0.3), simulation.camera.lens
+    assert frame is not None and lens is not None
+    assert frame.image.shape == (lens.height, lens.width, 3) and frame.image.dtype == np.uint8
+    assert frame.image.std() > 10
+
+
+def test_what_the_program_gets_shows_no_truth() -> None:
+    simulation = Simulation("sim:boxes")
+    for thing in (simulation.camera, simulation.transport, simulation.clock):
+        shown = {name for name in dir(thing) if not name.startswith("_")}
+        assert shown <= {"lens", "read", "write", "close", "now_s", "sleep_s"}
+
+
+@pytest.mark.parametrize("uri", ["sim:moon", "sim:room?colour=3", "sim:room?seed=x"])
+def test_a_world_that_does_not_exist_is_a_usage_error(uri: str) -> None:
+    with pytest.raises(UsageError, match=r"known are|whole number"):
+        Simulation(uri)
+
+
+@pytest.mark.parametrize("fps", [0.0, 1001.0, math.nan])
+def test_an_impossible_frame_rate_is_refused(fps: float) -> None:
+    with pytest.raises(ValueError, match="fps"):
+        Simulation("sim:boxes", fps=fps)
