@@ -1,6 +1,6 @@
 """The main job: look, measure, map, steer, drive, until the goal is reached or something ends the drive.
 
-    python host/nav_loop.py --camera sim:room?seed=1 --robot sim: --goal -69,284 --max-time 50 --json out.json
+    python host/nav_loop.py --camera sim:room?seed=1 --robot sim: --goal -69,284 --max-time 45 --json out.json
 
 Leaves runs/<time>/ (and runs/latest) with result.json and annotated pictures.
 """
@@ -34,6 +34,7 @@ from host.nav.rig import open_rig
 from host.record.atomic import check_writable
 
 RUNS = Path("runs")
+LONGEST_WALL_S = 52.0  # of a simulated drive that is not asked to last longer
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,7 @@ class Options:
     goal: str | None = (
         None  # X,Z in cm from the camera at the start, to the right and ahead; a room has its own
     )
-    max_time: float = 50.0  # seconds after which the drive ends wherever it is
+    max_time: float = 45.0  # seconds after which the drive ends wherever it is
     json: Path | None = None  # write the result here as well
     lens: Path | None = None  # camera.json of a real camera
     view: bool = True  # show the live line on a terminal
@@ -82,6 +83,10 @@ def main() -> int:
             raise UsageError("--goal is missing: write X,Z in cm, such as --goal 0,200 for two metres ahead")
         pilot = Pilot(rig.lens, goal_cm, net=config.net, depth=config.depth, body=config.body, nav=config.nav)
         gallery = Gallery()
+        x, z = goal_cm
+        print(
+            f"driving to {x:.0f},{z:.0f} cm for at most {options.max_time:g} s; Ctrl-C stops", file=sys.stderr
+        )
         with Ticker(options.view) as ticker:
 
             def on_view(view: View, log: DriveLog) -> None:
@@ -89,7 +94,10 @@ def main() -> int:
                 rig.watch(view)
                 ticker.show(log)
 
-            log, code = drive(rig.camera, rig.robot, rig.clock, pilot, config.nav, options.max_time, on_view)
+            wall_s = max(options.max_time, LONGEST_WALL_S)
+            log, code = drive(
+                rig.camera, rig.robot, rig.clock, pilot, config.nav, options.max_time, wall_s, on_view
+            )
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # the motors stand; what is left takes a second
         result = {
             "camera": options.camera,

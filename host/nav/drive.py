@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import time
 from collections.abc import Callable
 
@@ -19,6 +20,7 @@ from host.nav.steer import Command
 from host.nav.watch import FrameWatch
 
 CLEARS_ALLOWED = 5  # a robot that stops itself more often than this has a reason
+LISTEN_S = 0.005
 BLIND_S = 3.0  # no picture to drive on for this long ends the drive
 
 
@@ -37,6 +39,7 @@ def drive(
     pilot: Pilot,
     config: NavConfig,
     max_time_s: float,
+    max_wall_s: float,
     on_view: Callable[[View, DriveLog], None],
 ) -> tuple[DriveLog, int]:
     """Drive until something ends it; the motors are stopped before anything else happens then.
@@ -44,7 +47,8 @@ def drive(
     Parameters
     ----------
     robot : with an open session.
-    max_time_s : by the clock given and by the wall's, whichever comes first.
+    max_time_s : by the clock given.
+    max_wall_s : by the wall's, against a simulation that is slow on this machine.
     on_view : told of every frame that was driven on.
 
     Returns
@@ -56,10 +60,13 @@ def drive(
     begin_s, begin_wall_s = clock.now_s(), time.monotonic()
     code = EXIT_DONE
     try:
+        trip.await_wheels()
         while True:
             trip.one_frame(begin_s)
-            if max(clock.now_s() - begin_s, time.monotonic() - begin_wall_s) >= max_time_s:
+            if clock.now_s() - begin_s >= max_time_s:
                 raise _Ended("timeout", f"not there after {max_time_s:g} s")
+            if time.monotonic() - begin_wall_s >= max_wall_s:
+                raise _Ended("timeout", f"not there after {max_wall_s:g} s of real time: the machine is slow")
     except _Ended as end:
         stop_motors(robot)
         log.end(end.outcome, end.reason)
@@ -100,6 +107,12 @@ class _Trip:
         self.watch = FrameWatch(config)
         self.last_seq: int | None = None
         self.seeing_s: float | None = None  # when there last was a picture to drive on
+
+    def await_wheels(self) -> None:
+        """Hear from the wheels before the first picture; `poll` complains of a robot that stays silent."""
+        while self.pilot.odometry.newest_s == -math.inf:
+            self.clock.sleep_s(LISTEN_S)
+            self._listen()
 
     def one_frame(self, begin_s: float) -> None:
         """Newest picture in, one command out, or a stop with its reason."""

@@ -55,9 +55,11 @@ class Gallery:
             _write_png(folder / f"frame_{view.frame.seq:05d}.png", picture)
         if not log.path:
             return
+        standing = set(obstacle_map.region[obstacle_map.occupied].tolist())
         obstacles = tuple(
             FloorObstacle(o.region, np.array([o.left_cm, o.right_cm]), o.depth_cm, o.sigma_cm)
             for o in obstacle_map.obstacles.values()
+            if o.region in standing
         )
         floor = Floor(
             path_cm=np.array([body_of(pose, body.camera_ahead_cm)[:2] for pose in log.path]),

@@ -22,6 +22,8 @@ PLAN_EVERY_S = 0.5
 TURN_FROM_RAD = math.radians(12)  # off the aim by more than this: turn in place
 TURN_TO_RAD = math.radians(2.5)
 BEND_RAD_S = 0.25  # most a straight piece may bend
+FIRST_CM = 5.0  # straight ahead before anything else: nothing has a depth yet
+FIRST_ROOM_CM = 20.0  # if there is this much room
 WORTH_CM = 15.0  # a way that does not reach the goal must bring the robot this much nearer
 LEAST_ROOM_CM = 8.0  # a heading with less room than this is no way on
 ALL_ROUND_RAD = math.radians(150)
@@ -47,6 +49,8 @@ class Plan:
     aim: tuple[float, float] | None = None
     piece_from: tuple[float, float] | None = None  # where the present straight piece began; None: turning
     lost_s: float | None = None  # since when there has been no way
+    begun: bool = False  # the first steps, which nothing but the view ahead guides, are made
+    start: tuple[float, float] | None = None  # where the axle's middle stood at the first decision
     looked_rad: float = 0.0  # turned while looking for a way
     last_heading: float = 0.0
 
@@ -117,6 +121,14 @@ def decide(
     to_goal = math.hypot(goal_cm[0] - camera.position_cm[0], goal_cm[1] - camera.position_cm[2])
     if to_goal <= config.goal_tolerance_cm:
         return Command(0.0, 0.0, f"goal reached, {to_goal:.0f} cm off", "goal"), plan
+
+    if not plan.begun:
+        plan = replace(plan, start=plan.start or (x, z))
+        ahead = look_ahead(obstacle_map, x, z, heading)
+        if math.dist(plan.start or (x, z), (x, z)) < FIRST_CM and ahead.room_cm > FIRST_ROOM_CM:
+            reason = f"creep: first steps to give depth its baseline, {ahead.room_cm:.0f} cm free ahead"
+            return Command(10 * config.creep_cm_s, 0.0, reason), plan
+        plan = replace(plan, begun=True)
 
     plan = _planned(plan, obstacle_map, camera.t_s, (x, z), heading, goal_cm)
     if plan.way is None:

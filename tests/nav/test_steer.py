@@ -41,26 +41,41 @@ def camera(x: float, z: float, heading: float, t_s: float = 0.0) -> Pose:
 
 
 def test_on_open_floor_it_drives_straight_at_full_speed():
-    command, _ = decide(Plan(), open_floor(), camera(0, 0, 0), (0, 200))
+    command, _ = decide(Plan(begun=True), open_floor(), camera(0, 0, 0), (0, 200))
     assert command.v_mm_s == 10 * CONFIG.speed_cm_s
     assert command.omega_rad_s == 0
     assert command.reason.startswith("straight")
 
 
+def test_the_first_steps_go_straight_and_slowly_whatever_the_goal():
+    command, plan = decide(Plan(), open_floor(), camera(0, 0, 0), (200, 0))
+    assert command.v_mm_s == 10 * CONFIG.creep_cm_s
+    assert command.omega_rad_s == 0
+    command, plan = decide(plan, open_floor(), camera(0, 6, 0, 0.8), (200, 0))
+    assert command.omega_rad_s > 0
+
+
+def test_there_are_no_first_steps_towards_something_near():
+    floor = open_floor()
+    put(floor, -40, 28, 40, 40)
+    command, _ = decide(Plan(), floor, camera(0, 0, 0), (0, 200))
+    assert command.v_mm_s == 0
+
+
 def test_over_floor_nobody_has_seen_it_creeps():
-    command, _ = decide(Plan(), ObstacleMap(BODY, CONFIG), camera(0, 0, 0), (0, 200))
+    command, _ = decide(Plan(begun=True), ObstacleMap(BODY, CONFIG), camera(0, 0, 0), (0, 200))
     assert 0 < command.v_mm_s <= 10 * CONFIG.creep_cm_s
     assert command.reason.startswith("creep")
 
 
 def test_a_goal_to_the_right_is_turned_to_in_place_and_to_the_right():
-    command, _ = decide(Plan(), open_floor(), camera(0, 0, 0), (200, 0))
+    command, _ = decide(Plan(begun=True), open_floor(), camera(0, 0, 0), (200, 0))
     assert command.v_mm_s == 0
     assert command.omega_rad_s > 0
 
 
 def test_the_goal_is_reached_when_the_camera_is_within_the_tolerance():
-    command, _ = decide(Plan(), open_floor(), camera(0, 100, 0), (3, 117))
+    command, _ = decide(Plan(begun=True), open_floor(), camera(0, 100, 0), (3, 117))
     assert command.outcome == "goal"
     assert command.v_mm_s == command.omega_rad_s == 0
 
@@ -68,7 +83,7 @@ def test_the_goal_is_reached_when_the_camera_is_within_the_tolerance():
 def test_the_reason_names_region_depth_and_sigma():
     floor = open_floor()
     put(floor, -60, 40, 60, 50, region=12)
-    command, _ = decide(Plan(), floor, camera(0, 0, 0), (0, 200))
+    command, _ = decide(Plan(begun=True), floor, camera(0, 0, 0), (0, 200))
     assert "region 12 at 40 ±1.2 cm (area)" in command.reason
 
 
@@ -76,7 +91,7 @@ def test_a_ring_without_a_gap_is_called_blocked_after_looking_all_round():
     floor = open_floor()
     for rectangle in [(-80, -80, 80, -70), (-80, 70, 80, 80), (-80, -80, -70, 80), (70, -80, 80, 80)]:
         put(floor, *rectangle)
-    plan, heading, t, outcome, moved = Plan(), 0.0, 0.0, None, 0.0
+    plan, heading, t, outcome, moved = Plan(begun=True), 0.0, 0.0, None, 0.0
     x = z = 0.0
     while outcome is None and t < 60:
         command, plan = decide(plan, floor, camera(x, z, heading, t), (0, 200))
@@ -94,7 +109,7 @@ def test_a_ring_without_a_gap_is_called_blocked_after_looking_all_round():
 def test_a_side_once_chosen_is_kept_while_turning():
     floor = open_floor()
     put(floor, -30, 40, 30, 60)
-    plan, heading, signs = Plan(), 0.0, []
+    plan, heading, signs = Plan(begun=True), 0.0, []
     for k in range(40):
         command, plan = decide(plan, floor, camera(0, 0, heading, k / 10), (0, 200))
         if command.v_mm_s > 0:
@@ -117,7 +132,7 @@ def test_it_never_goes_forward_into_anything_nearer_than_the_clearance(boxes, he
     for x, z, w, d in boxes:
         put(floor, x, z, x + w, z + d)
     pose = camera(0, 0, heading)
-    plan = Plan()
+    plan = Plan(begun=True)
     for k in range(3):
         pose = camera(0, 0, heading, t_s=k * 0.7)
         command, plan = decide(plan, floor, pose, (goal_x, goal_z))

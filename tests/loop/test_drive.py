@@ -1,0 +1,222 @@
+"""The loop against a world that fails: whatever breaks, the motors stop first and the log says why."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from host.camera.frame import Frame
+from host.depth.config import DepthConfig
+from host.errors import EXIT_DEVICE, EXIT_DONE, EXIT_INTERRUPTED, EXIT_SAFETY, DeviceError
+from host.link.robot import Robot
+from host.nav.config import BodyConfig, NavConfig
+from host.nav.drive import drive
+from host.nav.pilot import Pilot
+from host.nav.result import DriveLog
+from host.rbdn import NetConfig
+from host.sim.session import Simulation
+
+CONFIG = NavConfig()
+
+
+class TamperedCamera:
+    """A simulated camera that goes wrong from some time on."""
+
+    def __init__(self, simulation: Simulation, from_s: float, tamper):
+        self._camera, self._clock = simulation.camera, simulation.clock
+        self._from_s, self._tamper = from_s, tamper
+        self.lens = self._camera.lens
+        self._last: Frame | None = None
+
+    def read(self, timeout_s: float) -> Frame | None:
+        frame = self._camera.read(timeout_s)
+        if self._clock.now_s() >= self._from_s and frame is not None:
+            return self._tamper(frame, self._last)
+        self._last = frame
+        return frame
+
+    def close(self) -> None:
+        self._camera.close()
+
+
+class TamperedLine:
+    """A line that is cut at some time."""
+
+    def __init__(self, simulation: Simulation, from_s: float, noisily: bool):
+        self._line, self._clock = simulation.transport, simulation.clock
+        self._from_s, self._noisily = from_s, noisily
+
+    def _cut(self) -> bool:
+        cut = self._clock.now_s() >= self._from_s
+        if cut and self._noisily:
+            raise DeviceError("the line is gone")
+        return cut
+
+    def write(self, data: bytes) -> None:
+        if not self._cut():
+            self._line.write(data)
+
+    def read(self) -> bytes:
+        return b"" if self._cut() else self._line.read()
+
+    def close(self) -> None:
+        self._line.close()
+
+
+def run(simulation: Simulation, *, camera=None, line=None, max_time_s=8.0) -> tuple[DriveLog, int]:
+    """Drive with the given parts in place of the simulation's own."""
+    robot = Robot(line or simulation.transport, simulation.clock)
+    robot.connect()
+    pilot = Pilot(
+        simulation.world.lens, simulation.world.goal_cm,
+        net=NetConfig(), depth=DepthConfig(), body=BodyConfig(), nav=CONFIG,
+    )  # fmt: skip
+    return drive(
+        camera or simulation.camera, robot, simulation.clock, pilot, CONFIG,
+        max_time_s=max_time_s, max_wall_s=600.0, on_view=lambda view, log: None,
+    )  # fmt: skip
+
+
+def travel_cm(simulation: Simulation) -> float:
+    return simulation.body.distance_cm
+
+
+def stands(simulation: Simulation) -> bool:
+    """Whether the robot stands half a second after the loop has ended, and stays where it is."""
+    simulation.clock.sleep_s(0.5)
+    before = travel_cm(simulation)
+    simulation.clock.sleep_s(0.5)
+    return simulation.body.speed_cm_s == 0.0 and travel_cm(simulation) == before
+
+
+def test_it_drives_when_nothing_is_wrong():
+    simulation = Simulation("sim:room?seed=3")
+    log, code = run(simulation, max_time_s=3.0)
+    assert (log.outcome, code) == ("timeout", EXIT_DONE)
+    assert travel_cm(simulation) > 6
+    assert log.refused_frames == 0
+    assert stands(simulation)
+
+
+@pytest.mark.parametrize(
+    ("tamper", "said"),
+    [
+        (lambda frame, last: replace(frame, t_s=frame.t_s - 0.35), "350 ms old"),
+        (lambda frame, last: replace(frame, image=np.zeros_like(frame.image)), "black"),
+        (lambda frame, last: replace(frame, image=np.full_like(frame.image, 255)), "one even colour"),
+        (lambda frame, last: replace(last, t_s=frame.t_s, seq=frame.seq), "has not changed"),
+    ],
+    ids=["stale", "black", "white", "frozen"],
+)
+def test_on_a_picture_that_must_not_be_driven_on_it_stands_still_and_at_last_gives_up(tamper, said):
+    simulation = Simulation("sim:room?seed=3")
+    camera = TamperedCamera(simulation, 2.0, tamper)
+    log, code = run(simulation, camera=camera)
+    assert (log.outcome, code) == ("stopped", EXIT_DEVICE)
+    assert said in log.reason
+    broken = [d for d in log.decisions if said in d.reason]
+    assert len(broken) > 10
+    assert all(d.v_mm_s == d.omega_rad_s == 0 for d in broken)
+    assert stands(simulation)
+
+
+def test_stale_pictures_from_the_start_never_move_the_robot():
+    simulation = Simulation("sim:room?seed=3")
+    camera = TamperedCamera(simulation, 0.0, lambda frame, last: replace(frame, t_s=frame.t_s - 0.31))
+    log, _ = run(simulation, camera=camera)
+    assert log.outcome == "stopped"
+    assert travel_cm(simulation) == 0.0
+
+
+def test_a_frozen_picture_is_noticed_within_a_few_centimetres():
+    simulation = Simulation("sim:room?seed=3")
+    frozen_at = []
+
+    def freeze(frame, last):
+        if not frozen_at:
+            frozen_at.append(travel_cm(simulation))
+        return replace(last, t_s=frame.t_s, seq=frame.seq)
+
+    run(simulation, camera=TamperedCamera(simulation, 3.0, freeze))
+    assert stands(simulation)
+    assert travel_cm(simulation) - frozen_at[0] < 4.0
+
+
+def test_a_camera_that_fails_for_a_moment_is_waited_for():
+    simulation = Simulation("sim:room?seed=3")
+
+    def drop(frame, last):
+        if simulation.clock.now_s() < 2.8:
+            raise DeviceError("no picture")
+        return frame
+
+    log, code = run(simulation, camera=TamperedCamera(simulation, 2.0, drop), max_time_s=5.0)
+    assert (log.outcome, code) == ("timeout", EXIT_DONE)
+    assert any("no picture" in d.reason for d in log.decisions)
+    assert log.decisions[-2].v_mm_s != 0 or log.decisions[-2].omega_rad_s != 0
+
+
+def test_a_camera_that_ends_ends_the_drive():
+    simulation = Simulation("sim:room?seed=3")
+    log, _ = run(simulation, camera=TamperedCamera(simulation, 1.5, lambda frame, last: None))
+    assert log.outcome == "stopped"
+    assert "no more pictures" in log.reason
+    assert stands(simulation)
+
+
+@pytest.mark.parametrize("noisily", [False, True], ids=["silent", "error"])
+def test_on_a_dead_line_the_drive_ends_and_the_robot_stops_itself(noisily):
+    simulation = Simulation("sim:room?seed=3")
+    log, code = run(simulation, line=TamperedLine(simulation, 2.5, noisily))
+    assert (log.outcome, code) == ("stopped", EXIT_DEVICE)
+    assert log.duration_s < 3.0
+    assert log.reason
+    assert stands(simulation)
+
+
+def test_the_stop_button_ends_the_drive_as_a_safety_stop():
+    simulation = Simulation("sim:room?seed=3")
+
+    def press(frame, last):
+        simulation.board.press_estop(True)
+        return frame
+
+    log, code = run(simulation, camera=TamperedCamera(simulation, 2.0, press))
+    assert (log.outcome, code) == ("stopped", EXIT_SAFETY)
+    assert "estop" in log.reason
+    assert stands(simulation)
+
+
+def test_an_interrupt_stops_the_motors_before_anything_else():
+    simulation = Simulation("sim:room?seed=3")
+
+    def interrupt(frame, last):
+        raise KeyboardInterrupt
+
+    log, code = run(simulation, camera=TamperedCamera(simulation, 2.0, interrupt))
+    assert (log.outcome, log.reason, code) == ("stopped", "interrupted", EXIT_INTERRUPTED)
+    assert stands(simulation)
+
+
+def test_a_bug_stops_the_motors_too():
+    simulation = Simulation("sim:room?seed=3")
+
+    def stumble(frame, last):
+        raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        run(simulation, camera=TamperedCamera(simulation, 2.0, stumble))
+    assert stands(simulation)
+
+
+def test_dropped_frames_are_counted():
+    simulation = Simulation("sim:room?seed=3")
+
+    def skip(frame, last):
+        simulation.clock.sleep_s(0.14)
+        return frame
+
+    log, _ = run(simulation, camera=TamperedCamera(simulation, 1.0, skip), max_time_s=3.0)
+    assert log.dropped_frames > 5
