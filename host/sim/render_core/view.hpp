@@ -16,11 +16,12 @@ struct View {
     Vec3 right, down, forward; // camera axes in the world
     double fx = 1, fy = 1, cx = 0, cy = 0;
     int width = 0, height = 0;
+    double per_fx = 1 / fx, per_fy = 1 / fy; // every ray needs them
 
     // Ray through a pixel, with unit component along the optical axis: eye + z * ray has depth z.
     Vec3 ray(double px, double py) const
     {
-        return ((px - cx) / fx) * right + ((py - cy) / fy) * down + forward;
+        return ((px - cx) * per_fx) * right + ((py - cy) * per_fy) * down + forward;
     }
     // dot(ray(px, py), a)
     Linear along(const Vec3 &a) const
