@@ -64,7 +64,7 @@ class Estimator:
             found = outline if isinstance(outline, OutlineDepth) else None
             answers: dict[str, Estimate | Declined] = {
                 "area": areas[region.id],
-                "vertex": self._vertex.region(region, vertices, own.get(region.id, 1.0)),
+                "vertex": self._vertex.region(region, snapshot, vertices, own.get(region.id, 1.0)),
                 "outline": outline if isinstance(outline, Declined) else outline.surface,
             }
             estimates = {m: a for m, a in answers.items() if isinstance(a, Estimate)}

@@ -33,11 +33,15 @@ class Combined:
 
 
 def combine(estimates: dict[str, Estimate]) -> Combined | None:
-    """Weighted mean of the methods' answers; one that contradicts the surest is left out and named."""
+    """Weighted mean of the methods' answers; one that contradicts the outline is left out and named.
+
+    The outline forgives what the others do not see: an edge that vanished, a corner that slid, an area
+    that took in a shadow. Without it the surest of the others is the measure.
+    """
     if not estimates:
         return None
     surest = min(estimates, key=lambda m: estimates[m].sigma_cm)
-    best = estimates[surest]
+    best = estimates.get("outline", estimates[surest])
     agreeing, odd = [], []
     for name, e in estimates.items():
         gate = DISAGREEMENT_SIGMAS * np.hypot(e.sigma_cm, best.sigma_cm)

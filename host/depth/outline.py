@@ -38,7 +38,9 @@ MIN_CONTRAST = 0.15  # of a wrong depth's cost above the best
 MIN_RIVAL = 0.05  # of another dip's cost above the best
 MIN_SHIFT_PX = 0.3  # by which the outline must have moved over the image
 WHOLE_SHARE = 0.9  # of its outline that must be its own for the shape to say something
-PLANE_CHI2 = 12.0  # a slope is believed when so far from zero in units of its variance
+CUT_CHI2 = 12.0  # a slope of a cut region is believed when so far from zero in units of its variance
+FACE_CHI2 = 20.0  # and of a whole face, which a box with a side face may look like
+FACE_SLANT = 0.45  # tangent of the slant from which a whole face is slanted
 PLANE_TILT = 0.9  # prior: relative change of depth over half a width, in widths over depth
 
 
@@ -225,8 +227,12 @@ class OutlineMethod:
         cut = region.touches_border or level.own[i] < WHOLE_SHARE
         slope = tilted_fit.slope[:, i]
         doubt = tilted_fit.covariance[i, 1:, 1:] * tilted_fit.scale_px[i] ** 2 * correlation
-        slanted = bool(slope @ np.linalg.solve(doubt, slope) > PLANE_CHI2)
-        slanted = slanted and (cut or may_be_one_face(region.loops[0]))
+        chi2 = float(slope @ np.linalg.solve(doubt, slope))
+        slant = float(np.hypot(*slope)) * self._focal_px / float(tilted_fit.rho[i])
+        if cut:
+            slanted = chi2 > CUT_CHI2
+        else:
+            slanted = chi2 > FACE_CHI2 and slant > FACE_SLANT and may_be_one_face(region.loops[0])
         now, support = (tilted_fit, tilted) if slanted else (level_fit, level)
         rho = float(now.rho[i])
         silhouette = 1 / rho
@@ -237,6 +243,8 @@ class OutlineMethod:
         relief = FLAT if slanted else relief_of(region.loops[0], cut)
         noise = now.scale_px[i] ** 2 * correlation * now.covariance[i, 0, 0] / rho**2
         model = (relief.sigma_k * width) ** 2 + c.outline_model_share**2
+        if slanted:
+            model += (0.5 * (1 - float(level_fit.rho[i]) / rho)) ** 2  # it might be no plane after all
         relative = float(np.sqrt(noise + model + support.motion[i]))
         if not relative < c.max_relative_sigma:
             return Declined(f"too uncertain ({100 * relative:.0f} %)")

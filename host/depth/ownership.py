@@ -42,8 +42,10 @@ def edge_owners(
     n = len(rho)
     mine = np.ones(pair.shape, bool)
     known = rho[pair] > 0
-    sunk = sum(np.bincount(pair[:, s], length_px * cost[:, s], n) for s in (0, 1))
-    length = sum(np.bincount(pair[:, s], length_px, n) for s in (0, 1))
+    sunk, length = np.zeros(n), np.zeros(n)
+    for side in (0, 1):
+        sunk += np.bincount(pair[:, side], length_px * cost[:, side], n)
+        length += np.bincount(pair[:, side], length_px, n)
     rest_px = length[pair] - length_px[:, None]
     rest = (sunk[pair] - length_px[:, None] * cost) / np.maximum(rest_px, 1e-9)
     judged = (rest_px > MIN_REST_PX).all(axis=1)

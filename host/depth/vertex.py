@@ -25,6 +25,8 @@ from host.rbdn.snapshot import Region, Snapshot
 
 ITERATIONS = 4
 MIN_OWN_SHARE = 0.5  # below, most corners are not the region's
+MIN_BEND_RAD = 0.75  # a polygon on a round outline bends by less
+ARM_PX = 5.0
 MIN_CORNERS = 3  # a region's depth from fewer vertices is chance
 
 
@@ -48,7 +50,9 @@ class VertexMethod:
         """Positions of the vertices of `snapshot`, seen from `station`."""
         v = snapshot.vertices
         order = np.argsort(v.ids, kind="stable")
-        sigma = np.where(np.isfinite(v.sigma_px), v.sigma_px, self._config.vertex_default_sigma_px)
+        c = self._config
+        sharp = np.isfinite(v.sigma_px)
+        sigma = np.where(sharp, np.maximum(v.sigma_px, c.vertex_noise_px), c.vertex_default_sigma_px)
         rays = self._lens.to_rays(v.xy_px)
         now = _Sight(station, v.ids[order], rays[order], sigma[order])
         rho, sigma_rho = self._triangulate(rays, sigma, v.ids, now)
@@ -126,25 +130,26 @@ class VertexMethod:
         usable = (w > 0).any(1) & (gradient.sum(1) > 0)
         return np.where(usable, state[:, 2], 0.0), np.where(usable, np.sqrt(variance), np.inf)
 
-    def region(self, region: Region, vertices: VertexDepths, own_share: float) -> Estimate | Declined:
+    def region(
+        self, region: Region, snapshot: Snapshot, found: VertexDepths, own_share: float
+    ) -> Estimate | Declined:
         """Depth of a region from its own corners.
 
         Parameters
         ----------
-        region : the region, of the snapshot `vertices` was made from
-        vertices : what `update` said of it
+        region : one of `snapshot`
+        found : what `update` said of the snapshot's vertices
         own_share : share of its outline that is not the outline of something nearer
         """
         if own_share < MIN_OWN_SHARE:
             return Declined("its corners belong to nearer regions")
         if region.touches_border:
             return Declined("cut by the image border")
-        if not region.loop_vertices:
-            return Declined("no vertices")
-        rows = rows_of(region.loop_vertices[0], vertices.ids)
+        corners = region.loop_vertices[0][_bends(region.loops[0])]
+        rows = rows_of(corners, found.ids)
         at = np.unique(rows[rows >= 0])
-        z, sigma = vertices.xyz_cm[at, 2], vertices.sigma_cm[at]
-        good = np.isfinite(z)
+        z, sigma = found.xyz_cm[at, 2], found.sigma_cm[at]
+        good = np.isfinite(z) & np.isfinite(snapshot.vertices.sigma_px[at])
         if good.sum() < MIN_CORNERS:
             return Declined("fewer than three corners with a depth")
         rho, sigma_rho = 1 / z[good], sigma[good] / z[good] ** 2
@@ -162,6 +167,17 @@ class VertexMethod:
         if relative > self._config.max_relative_sigma:
             return Declined(f"too uncertain ({100 * relative:.0f} %)")
         return Estimate(1 / centre, relative / centre)
+
+
+def _bends(loop_px: np.ndarray) -> np.ndarray:
+    """(N,) bool, where an outline has a corner rather than a place on a line or an arc."""
+    spacing = float(np.hypot(*np.diff(loop_px, axis=0, append=loop_px[:1]).T).mean())
+    # points closer than an arm tell the direction of the outline only together
+    arm = max(1, round(ARM_PX / max(spacing, 1e-9)))
+    before = loop_px - np.roll(loop_px, arm, axis=0)
+    after = np.roll(loop_px, -arm, axis=0) - loop_px
+    cross = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
+    return np.abs(np.arctan2(cross, (before * after).sum(axis=1))) > MIN_BEND_RAD
 
 
 def _linear_start(

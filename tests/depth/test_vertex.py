@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from board_scene import LENS, Board, Camera, rectangle, straight_path, turned
+from board_scene import LENS, Board, Camera, disc, rectangle, straight_path, turned
 
 from host.depth.config import DepthConfig
 from host.depth.motion import first_station, next_station
@@ -121,14 +121,21 @@ def test_a_corner_that_slides_along_an_edge_loses_its_sureness():
 
 def test_a_region_is_as_far_as_its_corners():
     method, snapshot, found = run([BOX], straight_path(11, 1.0), vertex_noise_px=0.05)
-    answer = method.region(snapshot.regions[0], found, 1.0)
+    answer = method.region(snapshot.regions[0], snapshot, found, 1.0)
     assert isinstance(answer, Estimate)
     assert answer.depth_cm == pytest.approx(75.0, rel=0.01)
 
 
+def test_a_polygon_on_a_round_outline_has_no_corners():
+    method, snapshot, found = run([disc(7, (14, 9, 85), 9.0)], straight_path(11, 1.0))
+    answer = method.region(snapshot.regions[0], snapshot, found, 1.0)
+    assert isinstance(answer, Declined)
+    assert "corners" in answer.reason
+
+
 def test_corners_of_what_lies_behind_are_not_used():
     method, snapshot, found = run([BOX], straight_path(11, 1.0))
-    answer = method.region(snapshot.regions[0], found, 0.2)
+    answer = method.region(snapshot.regions[0], snapshot, found, 0.2)
     assert isinstance(answer, Declined)
     assert "nearer" in answer.reason
 
