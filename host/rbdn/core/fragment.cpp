@@ -9,61 +9,52 @@ namespace rbdn {
 
 namespace {
 
-constexpr int kSmallestBlob = 60;   // px; below this, off-pixels are noise
+constexpr int kSampleArea = OffMap::kStep * OffMap::kStep;
+constexpr int kSmallestBlob = 60 / kSampleArea;  // samples; below this, off-pixels are noise
 constexpr int kSmallestPiece = 20;  // px; smaller cuttings stay with their face
-constexpr int kSpread = 3;          // px by which known off-pixels may have moved
+constexpr int kSpread = 2;          // samples by which known off-pixels may have moved
 
 struct Blob {
-    int first;  // range of BlobList::pixels
+    int first;  // range of BlobList::samples
     int last;
 };
 
 struct BlobList {
-    std::vector<int> pixels;
+    std::vector<int> samples;
     std::vector<Blob> blobs;
 };
 
-// Connected sets of marked pixels, four neighbours each.
-BlobList find_blobs(const std::vector<char>& marked, int width, int height) {
+// Connected sets of off-samples, four neighbours each.
+BlobList find_blobs(const OffMap& map) {
     BlobList list;
-    std::vector<char> seen(marked.size(), 0);
-    for (int start = 0; start < static_cast<int>(marked.size()); ++start) {
-        if (!marked[start] || seen[start]) continue;
-        const int first = static_cast<int>(list.pixels.size());
-        list.pixels.push_back(start);
-        seen[start] = 1;
-        for (int k = first; k < static_cast<int>(list.pixels.size()); ++k) {
-            const int p = list.pixels[k], x = p % width, y = p / width;
-            const auto visit = [&](bool inside, int q) {
-                if (!inside || !marked[q] || seen[q]) return;
-                seen[q] = 1;
-                list.pixels.push_back(q);
-            };
-            visit(x > 0, p - 1);
-            visit(x + 1 < width, p + 1);
-            visit(y > 0, p - width);
-            visit(y + 1 < height, p + width);
+    std::vector<char> left = map.off;
+    const auto begin = left.begin();
+    for (auto next = std::find(begin, left.end(), 1); next != left.end(); next = std::find(next, left.end(), 1)) {
+        const int first = static_cast<int>(list.samples.size());
+        const auto visit = [&](bool inside, int k) {
+            if (!inside || !left[k]) return;
+            left[k] = 0;
+            list.samples.push_back(k);
+        };
+        visit(true, static_cast<int>(next - begin));
+        for (int n = first; n < static_cast<int>(list.samples.size()); ++n) {
+            const int k = list.samples[n], x = k % map.width, y = k / map.width;
+            visit(x > 0, k - 1);
+            visit(x + 1 < map.width, k + 1);
+            visit(y > 0, k - map.width);
+            visit(y + 1 < map.height, k + map.width);
         }
-        list.blobs.push_back({first, static_cast<int>(list.pixels.size())});
+        list.blobs.push_back({first, static_cast<int>(list.samples.size())});
     }
     return list;
 }
 
-std::vector<char> spread(const std::vector<char>& marked, int width, int height, int radius) {
-    std::vector<char> across(marked.size(), 0), out(marked.size(), 0);
-    for (int y = 0; y < height; ++y)
-        for (int x = 0; x < width; ++x) {
-            if (!marked[static_cast<std::size_t>(y) * width + x]) continue;
-            for (int k = std::max(0, x - radius); k <= std::min(width - 1, x + radius); ++k)
-                across[static_cast<std::size_t>(y) * width + k] = 1;
-        }
-    for (int y = 0; y < height; ++y)
-        for (int x = 0; x < width; ++x) {
-            if (!across[static_cast<std::size_t>(y) * width + x]) continue;
-            for (int k = std::max(0, y - radius); k <= std::min(height - 1, y + radius); ++k)
-                out[static_cast<std::size_t>(k) * width + x] = 1;
-        }
-    return out;
+bool is_near_off(const OffMap& map, int sample) {
+    const int x = sample % map.width, y = sample / map.width;
+    for (int j = std::max(0, y - kSpread); j <= std::min(map.height - 1, y + kSpread); ++j)
+        for (int i = std::max(0, x - kSpread); i <= std::min(map.width - 1, x + kSpread); ++i)
+            if (map.off[static_cast<std::size_t>(j) * map.width + i]) return true;
+    return false;
 }
 
 // Gives the chosen pixels new faces, one for each host face and square of the image.
@@ -90,47 +81,59 @@ int cut_squares(Mesh& mesh, std::vector<int>& labels, const std::vector<int>& pi
 
 }  // namespace
 
-std::vector<char> off_pixels(const Mesh& mesh, const Crossings& crossings, const Image& image, double gate) {
-    const int width = mesh.width, height = mesh.height;
+OffMap off_pixels(const Mesh& mesh, const Crossings& crossings, const Image& image, double gate) {
+    constexpr int kStep = OffMap::kStep;
     const auto gate2 = static_cast<float>(gate * gate);
-    std::vector<char> far(static_cast<std::size_t>(width) * height, 0);
-    for (int y = 0; y < height; ++y) {
-        const auto line = crossings.rows().line(y);
-        const Pixel* row = &image.at(0, y);
-        char* marks = far.data() + static_cast<std::size_t>(y) * width;
-        for (std::size_t i = 0; i + 1 < line.size(); ++i) {
-            const Colour mean = mesh.faces[line[i].after].mean;
-            for (int x = line[i].pixel; x < line[i + 1].pixel; ++x)
-                marks[x] = distance2(row[x], mean) > gate2;
+    OffMap map;
+    map.width = (mesh.width + kStep - 1) / kStep;
+    map.height = (mesh.height + kStep - 1) / kStep;
+    std::vector<char> far(static_cast<std::size_t>(map.width) * map.height, 0);
+    for (int j = 0; j < map.height; ++j) {
+        const auto line = crossings.rows().line(j * kStep);
+        const Pixel* row = &image.at(0, j * kStep);
+        char* marks = far.data() + static_cast<std::size_t>(j) * map.width;
+        for (std::size_t n = 0; n + 1 < line.size(); ++n) {
+            const Colour mean = mesh.faces[line[n].after].mean;
+            const int last = (line[n + 1].pixel + kStep - 1) / kStep;
+            for (int i = (line[n].pixel + kStep - 1) / kStep; i < last; ++i)
+                marks[i] = distance2(row[i * kStep], mean) > gate2;
         }
     }
-    std::vector<char> off(far.size(), 0);
-    for (int y = 1; y + 1 < height; ++y)
-        for (int x = 1; x + 1 < width; ++x) {
-            const std::size_t k = static_cast<std::size_t>(y) * width + x;
-            if (!far[k]) continue;
+    map.off.assign(far.size(), 0);
+    for (int j = 1; j + 1 < map.height; ++j) {
+        const auto begin = far.begin() + static_cast<std::ptrdiff_t>(j) * map.width, last = begin + map.width - 1;
+        for (auto next = std::find(begin + 1, last, 1); next != last; next = std::find(next + 1, last, 1)) {
             int votes = 0;
             for (int dy = -1; dy <= 1; ++dy)
-                for (int dx = -1; dx <= 1; ++dx) votes += far[k + dy * width + dx];
-            off[k] = votes >= 5;
+                for (int dx = -1; dx <= 1; ++dx) votes += *(next + dy * map.width + dx);
+            map.off[next - far.begin()] = votes >= 5;
         }
-    return off;
+    }
+    return map;
 }
 
-int fragment_faces(Mesh& mesh, std::vector<int>& labels, const std::vector<char>& off,
-                   const std::vector<char>& known, int square_px) {
-    const BlobList list = find_blobs(off, mesh.width, mesh.height);
-    const std::vector<char> old = known.empty() ? std::vector<char>(off.size(), 0)
-                                                : spread(known, mesh.width, mesh.height, kSpread);
-    std::vector<int> chosen;
+std::vector<int> new_off_pixels(const Mesh& mesh, const OffMap& off, const OffMap& known) {
+    constexpr int kStep = OffMap::kStep;
+    const BlobList list = find_blobs(off);
+    std::vector<int> pixels;
     for (const Blob& blob : list.blobs) {
         const int size = blob.last - blob.first;
         if (size < kSmallestBlob) continue;
-        const auto begin = list.pixels.begin() + blob.first, end = list.pixels.begin() + blob.last;
-        const auto covered = std::count_if(begin, end, [&](int p) { return old[p] != 0; });
-        if (2 * covered < size) chosen.insert(chosen.end(), begin, end);
+        const auto begin = list.samples.begin() + blob.first, end = list.samples.begin() + blob.last;
+        const auto covered =
+            known.off.empty() ? 0 : std::count_if(begin, end, [&](int k) { return is_near_off(known, k); });
+        if (2 * covered >= size) continue;
+        for (auto k = begin; k != end; ++k) {
+            const int x0 = *k % off.width * kStep, y0 = *k / off.width * kStep;
+            for (int y = y0; y < std::min(y0 + kStep, mesh.height); ++y)
+                for (int x = x0; x < std::min(x0 + kStep, mesh.width); ++x) pixels.push_back(y * mesh.width + x);
+        }
     }
-    return cut_squares(mesh, labels, chosen, square_px, kSmallestPiece);
+    return pixels;
+}
+
+int fragment_faces(Mesh& mesh, std::vector<int>& labels, const std::vector<int>& pixels, int square_px) {
+    return cut_squares(mesh, labels, pixels, square_px, kSmallestPiece);
 }
 
 std::vector<int> turn_labels(Mesh& mesh, const std::vector<int>& labels, const std::vector<int>& source,

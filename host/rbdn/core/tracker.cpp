@@ -3,7 +3,6 @@
 
 #include <algorithm>
 
-#include "fragment.hpp"
 #include "loops.hpp"
 #include "merge.hpp"
 #include "vectorise.hpp"
@@ -52,7 +51,7 @@ void Tracker::start() {
 void Tracker::follow(const std::vector<int>& source) {
     if (!source.empty()) {
         labels_ = turn_labels(mesh_, labels_, source, config_.square_px);
-        known_off_.clear();
+        known_off_ = OffMap{};
         vectorise(mesh_, crossings_, labels_);
         split_faces(mesh_);
         update_means();
@@ -146,9 +145,11 @@ void Tracker::update_means() {
 // Fragmentation (section 3): what does not fit its polygon becomes small squares, and the deformation regroups them.
 void Tracker::cut_out_news() {
     update_means();
+    const OffMap off = off_pixels(mesh_, crossings_, image_, kOffGate * eta());
+    const std::vector<int> news = new_off_pixels(mesh_, off, known_off_);
+    if (news.empty()) return;
     crossings_.face_of_pixels(mesh_, labels_);
-    const std::vector<char> off = off_pixels(mesh_, crossings_, image_, kOffGate * eta());
-    if (fragment_faces(mesh_, labels_, off, known_off_, config_.square_px) == 0) return;
+    if (fragment_faces(mesh_, labels_, news, config_.square_px) == 0) return;
     vectorise(mesh_, crossings_, labels_);
     split_faces(mesh_);
     crossings_.build(mesh_);

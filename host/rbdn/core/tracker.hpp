@@ -7,6 +7,7 @@
 #include "config.hpp"
 #include "crossings.hpp"
 #include "forces.hpp"
+#include "fragment.hpp"
 #include "image.hpp"
 #include "maintain.hpp"
 #include "mesh.hpp"
@@ -51,7 +52,7 @@ private:
     RegionGrouping grouping_;
     RegionSet regions_;
     std::vector<int> labels_;
-    std::vector<char> known_off_;  // off-pixels left over from the last frame
+    OffMap known_off_;  // left over from the last frame
     int frames_ = 0;
     int cycles_ = 0;
 };
