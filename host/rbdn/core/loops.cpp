@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 namespace rbdn {
 
@@ -36,6 +37,30 @@ bool contains(const Mesh& mesh, const Loop& loop, Vec2 p) {
 bool shares_vertex(const Loop& a, const Loop& b) {
     return std::find_first_of(a.vertices.begin(), a.vertices.end(), b.vertices.begin(), b.vertices.end()) !=
            a.vertices.end();
+}
+
+// By Euler's formula: with more pieces than faces, one fell apart.
+bool all_in_one_piece(const Mesh& mesh) {
+    std::vector<int> root(mesh.vertices.size());
+    std::iota(root.begin(), root.end(), 0);
+    const auto find = [&](int v) {
+        while (root[v] != v) v = root[v] = root[root[v]];
+        return v;
+    };
+    std::vector<char> has_edges(mesh.faces.size(), 0);
+    int edges = 0, joins = 0;
+    for (const Edge& e : mesh.edges) {
+        if (e.dead) continue;
+        ++edges;
+        if (e.left >= 0) has_edges[e.left] = 1;
+        if (e.right >= 0) has_edges[e.right] = 1;
+        const int a = find(e.a), b = find(e.b);
+        joins += a != b;
+        root[a] = b;
+    }
+    // V - E + F = 1 + C, where C = V - joins, and F counts the outside too.
+    const auto faces = std::count(has_edges.begin(), has_edges.end(), 1) + 1;
+    return faces == 1 + edges - joins;
 }
 
 }  // namespace
@@ -101,6 +126,7 @@ std::vector<int> owners_of_loops(const Mesh& mesh, const std::vector<Loop>& loop
 }
 
 int split_faces(Mesh& mesh) {
+    if (all_in_one_piece(mesh)) return 0;
     std::vector<int> itself(mesh.faces.size());
     for (std::size_t k = 0; k < itself.size(); ++k) itself[k] = static_cast<int>(k);
     const std::vector<Loop> loops = trace_loops(mesh, itself);

@@ -104,9 +104,10 @@ bool zip_wedge(Mesh& mesh, int v, int e1, int e2, int face, const Spared& spared
     if (!may_touch(mesh, a, spared) || !may_touch(mesh, b, spared)) return false;
     if (mesh.vertices[a].sides && mesh.vertices[b].sides) return false;
     const Vec2 to_a = mesh.vertices[a].p - mesh.vertices[v].p, to_b = mesh.vertices[b].p - mesh.vertices[v].p;
+    if (dot(to_a, to_b) <= 0) return false;
     const double angle = angle_between(to_a, to_b);
     const double apart = std::abs(cross(to_a, to_b)) / length(to_b);
-    if (!(angle < kThornAngle || (apart < 1.0 && std::sin(angle) < 0.8 && dot(to_a, to_b) > 0))) return false;
+    if (!(angle < kThornAngle || (apart < 1.0 && std::sin(angle) < 0.8))) return false;
     if (mesh.degree(a) >= kMaxDegree || are_joined(mesh, a, b) || !triangle_is_empty(mesh, v, a, b)) return false;
 
     // The wedge's face gives up the strip to the face beyond the longer edge.
@@ -131,6 +132,11 @@ int face_towards(const Mesh& mesh, int v, Vec2 direction) {
         if (turn_of(d) <= turn) before = k;
     }
     return mesh.edges[fan.edge[before]].right_from(v);
+}
+
+bool is_near_border(const Mesh& mesh, int v) {
+    const Vec2 p = mesh.vertices[v].p;
+    return std::min({p.x, p.y, mesh.width - p.x, mesh.height - p.y}) < kTouch;
 }
 
 // Joins vertex v to edge e, which it touches.
@@ -166,15 +172,14 @@ bool snap_vertex(Mesh& mesh, int v, int e, const Spared& spared) {
 
 }  // namespace
 
-int transact(Mesh& mesh, Crossings& crossings, const Operation& operation) {
+int transact(Mesh& mesh, Crossings& crossings, Mesh& saved, const Operation& operation) {
     constexpr int kTries = 6;
     Spared spared;
-    const Mesh before = mesh;
     for (int attempt = 0; attempt < kTries; ++attempt) {
         const int changes = operation(mesh, spared);
         if (changes == 0) {
             if (attempt > 0) {
-                mesh = before;
+                mesh = saved;
                 crossings.build(mesh);
             }
             return 0;
@@ -184,6 +189,7 @@ int transact(Mesh& mesh, Crossings& crossings, const Operation& operation) {
         const std::vector<int> bad = find_faults(mesh, crossings);
         if (bad.empty()) {
             for (Vertex& v : mesh.vertices) v.held = v.p;
+            saved = mesh;
             return changes;
         }
         std::set<int> offenders;
@@ -191,10 +197,10 @@ int transact(Mesh& mesh, Crossings& crossings, const Operation& operation) {
         // New vertices do not exist before the operation, so their neighbours stand in for them.
         std::set<int> widened = offenders;
         for (int v : offenders)
-            if (attempt >= 2 || mesh.vertices[v].id >= before.next_vertex_id)
+            if (attempt >= 2 || mesh.vertices[v].id >= saved.next_vertex_id)
                 for (int e : mesh.spokes[v]) widened.insert(mesh.edges[e].other_end(v));
         for (int v : widened) spared.insert(mesh.vertices[v].id);
-        mesh = before;
+        mesh = saved;
     }
     crossings.build(mesh);
     return 0;
@@ -281,7 +287,7 @@ int snap_contacts(Mesh& mesh, const Spared& spared) {
 int snap_to_border(Mesh& mesh, const Spared& spared) {
     int snapped = 0;
     for (int v = 0; v < static_cast<int>(mesh.vertices.size()); ++v) {
-        if (!may_touch(mesh, v, spared) || mesh.vertices[v].sides != 0) continue;
+        if (!may_touch(mesh, v, spared) || mesh.vertices[v].sides != 0 || !is_near_border(mesh, v)) continue;
         for (int e = 0; e < static_cast<int>(mesh.edges.size()); ++e) {
             const Edge edge = mesh.edges[e];
             if (edge.dead || !edge.on_border()) continue;

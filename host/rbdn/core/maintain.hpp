@@ -21,7 +21,8 @@ using Spared = std::set<std::int64_t>;
 using Operation = std::function<int(Mesh&, const Spared&)>;
 
 // Applies the operation so that the net stays planar, or not at all. Returns how many changes were kept.
-int transact(Mesh& mesh, Crossings& crossings, const Operation& operation);
+// `saved` is a copy of the mesh, before and after.
+int transact(Mesh& mesh, Crossings& crossings, Mesh& saved, const Operation& operation);
 
 // A new vertex in the middle of edges that fit badly though their forces balance (Fig. 6).
 int insert_vertices(Mesh& mesh, const std::vector<Disparity>& disparity, const Spared& spared);

@@ -2,12 +2,40 @@
 #include "merge.hpp"
 
 #include <algorithm>
-#include <map>
 #include <queue>
+#include <utility>
+#include <vector>
 
 namespace rbdn {
 
 namespace {
+
+// Length of the border that a face shares with each of its neighbours.
+class Neighbours {
+public:
+    double& shared_with(int face) {
+        const auto place = find(face);
+        if (place != items_.end() && place->first == face) return place->second;
+        return items_.insert(place, {face, 0.0})->second;
+    }
+    void erase(int face) {
+        const auto place = find(face);
+        if (place != items_.end() && place->first == face) items_.erase(place);
+    }
+    void clear() { items_.clear(); }
+    bool empty() const { return items_.empty(); }
+    auto begin() const { return items_.begin(); }
+    auto end() const { return items_.end(); }
+
+private:
+    using Items = std::vector<std::pair<int, double>>;
+    Items::iterator find(int face) {
+        return std::lower_bound(items_.begin(), items_.end(), face,
+                                [](const auto& item, int wanted) { return item.first < wanted; });
+    }
+
+    Items items_;  // ordered by face, so that ties fall the same way every time
+};
 
 // Faces as a shrinking graph: each group of merged faces is represented by one of them.
 class FaceGraph {
@@ -29,8 +57,8 @@ public:
                 alive_[face] = 1;
             }
             if (!e.on_border() && e.left != e.right) {
-                neighbours_[e.left][e.right] += size;
-                neighbours_[e.right][e.left] += size;
+                neighbours_[e.left].shared_with(e.right) += size;
+                neighbours_[e.right].shared_with(e.left) += size;
             }
         }
     }
@@ -38,7 +66,7 @@ public:
     int size() const { return static_cast<int>(root_.size()); }
     bool alive(int face) const { return alive_[face] != 0; }
     int version(int face) const { return version_[face]; }
-    const std::map<int, double>& neighbours(int face) const { return neighbours_[face]; }
+    const Neighbours& neighbours(int face) const { return neighbours_[face]; }
     double area(int face) const { return static_cast<double>(sum_[face].count); }
     double width(int face) const { return perimeter_[face] > 0 ? 2.0 * area(face) / perimeter_[face] : 0.0; }
 
@@ -53,13 +81,13 @@ public:
     int merge(int a, int b) {
         const int kept = sum_[a].count >= sum_[b].count ? a : b;
         const int gone = kept == a ? b : a;
-        perimeter_[kept] += perimeter_[gone] - 2.0 * neighbours_[kept][gone];
+        perimeter_[kept] += perimeter_[gone] - 2.0 * neighbours_[kept].shared_with(gone);
         neighbours_[kept].erase(gone);
         for (const auto& [other, shared] : neighbours_[gone]) {
             neighbours_[other].erase(gone);
             if (other == kept) continue;
-            neighbours_[kept][other] += shared;
-            neighbours_[other][kept] += shared;
+            neighbours_[kept].shared_with(other) += shared;
+            neighbours_[other].shared_with(kept) += shared;
         }
         neighbours_[gone].clear();
         // A face too small to hold a pixel centre has no colour to contribute.
@@ -75,7 +103,7 @@ private:
     std::vector<int> root_;
     std::vector<ColourSum> sum_;
     std::vector<Colour> mean_;
-    std::vector<std::map<int, double>> neighbours_;  // ordered, so that ties fall the same way every time
+    std::vector<Neighbours> neighbours_;
     std::vector<double> perimeter_;
     std::vector<int> version_;
     std::vector<char> alive_;
@@ -139,9 +167,29 @@ int merge_insignificant(FaceGraph& graph, const MergeRule& rule) {
     return merged;
 }
 
+// Is there a pair alike or a face insignificant? Mostly not, and then the graph need not be built.
+bool may_merge(const Mesh& mesh, const MergeRule& rule) {
+    std::vector<double> perimeter(mesh.faces.size(), 0.0);
+    for (const Edge& e : mesh.edges) {
+        const double size = mesh.edge_length(e);
+        if (e.left >= 0) perimeter[e.left] += size;
+        if (e.right >= 0) perimeter[e.right] += size;
+        if (e.on_border()) continue;
+        if (e.left == e.right) return true;
+        if (distance2(mesh.faces[e.left].mean, mesh.faces[e.right].mean) <= rule.eta * rule.eta) return true;
+    }
+    for (std::size_t k = 0; k < perimeter.size(); ++k) {
+        const auto area = static_cast<double>(mesh.faces[k].sum.count);
+        if (perimeter[k] <= 0) continue;
+        if (area < rule.min_area_px || 2.0 * area / perimeter[k] < rule.min_width_px) return true;
+    }
+    return false;
+}
+
 }  // namespace
 
 int merge_faces(Mesh& mesh, const MergeRule& rule) {
+    if (!may_merge(mesh, rule)) return 0;
     FaceGraph graph(mesh);
     int merged = 0;
     for (int more = 1; more > 0; merged += more) {

@@ -109,7 +109,10 @@ void Tracker::deform(int reach_px, int most_cycles, bool keep_means) {
 int Tracker::maintain(int reach_px) {
     update_means();
     int changes = merge();
-    const auto apply = [&](const Operation& operation) { changes += transact(mesh_, crossings_, operation); };
+    saved_ = mesh_;
+    const auto apply = [&](const Operation& operation) {
+        changes += transact(mesh_, crossings_, saved_, operation);
+    };
     const std::vector<Disparity> d = disparity(reach_px);
     apply([&](Mesh& mesh, const Spared& spared) { return insert_vertices(mesh, d, spared); });
     apply(delete_vertices);

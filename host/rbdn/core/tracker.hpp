@@ -48,6 +48,7 @@ private:
     Config config_;
     Image image_;
     Mesh mesh_;
+    Mesh saved_;  // for transactions; kept for its memory
     Crossings crossings_;
     RegionGrouping grouping_;
     RegionSet regions_;

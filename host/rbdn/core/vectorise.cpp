@@ -2,8 +2,12 @@
 #include "vectorise.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
+#include <cstring>
 #include <map>
+#include <numeric>
+#include <tuple>
 
 #include "planarity.hpp"
 
@@ -30,23 +34,24 @@ struct Chain {
     bool closed() const { return points.front() == points.back(); }
 };
 
+// The lattice of pixel corners: at each, in which directions a crack leaves, and which of them are walked.
 class CrackGraph {
 public:
     CrackGraph(const std::vector<int>& labels, int width, int height)
         : labels_(labels), width_(width), height_(height),
-          walked_(4 * static_cast<std::size_t>(width + 1) * (height + 1), 0) {}
+          cracks_(static_cast<std::size_t>(width + 1) * (height + 1), 0) {
+        mark_cracks();
+    }
 
     std::vector<Chain> chains() {
         std::vector<Chain> out;
-        for (int y = 0; y <= height_; ++y)
-            for (int x = 0; x <= width_; ++x)
-                if (is_node({x, y}))
-                    for (int direction = 0; direction < 4; ++direction)
-                        if (has_crack({x, y}, direction) && !walked({x, y}, direction))
-                            out.push_back(follow({x, y}, direction));
-        for (int y = 0; y <= height_; ++y)
-            for (int x = 0; x <= width_; ++x)
-                if (has_crack({x, y}, 0) && !walked({x, y}, 0)) out.push_back(follow({x, y}, 0));
+        const std::vector<int> places = places_with_cracks();
+        for (int k : places)
+            if (is_node(k))
+                for (int direction = 0; direction < 4; ++direction)
+                    if (has_crack(k, direction) && !walked(k, direction)) out.push_back(follow(k, direction));
+        for (int k : places)
+            if (has_crack(k, 0) && !walked(k, 0)) out.push_back(follow(k, 0));
         return out;
     }
 
@@ -54,10 +59,38 @@ private:
     static constexpr int kDx[4] = {1, 0, -1, 0};
     static constexpr int kDy[4] = {0, 1, 0, -1};
 
-    int label(int x, int y) const {
-        return x < 0 || y < 0 || x >= width_ || y >= height_ ? kOutside
-                                                             : labels_[static_cast<std::size_t>(y) * width_ + x];
+    // Bit `direction` of a place says that a crack leaves it there, bit 4 + direction that it is walked.
+    void mark_cracks() {
+        const std::vector<int> nothing(width_, kOutside);
+        std::vector<std::uint8_t> across(width_ + 2, 0);  // crack to the right of place x - 1
+        std::vector<std::uint8_t> down(width_ + 1, 0), up(width_ + 1, 0);
+        for (int y = 0; y <= height_; ++y) {
+            const int* above = y > 0 ? row(y - 1) : nothing.data();
+            const int* below = y < height_ ? row(y) : nothing.data();
+            for (int x = 0; x < width_; ++x) across[x + 1] = above[x] != below[x];
+            down[0] = down[width_] = y < height_;
+            for (int x = 1; x < width_; ++x) down[x] = below[x - 1] != below[x];
+            std::uint8_t* out = &cracks_[static_cast<std::size_t>(y) * (width_ + 1)];
+            for (int x = 0; x <= width_; ++x)
+                out[x] = static_cast<std::uint8_t>(across[x + 1] | down[x] << 1 | across[x] << 2 | up[x] << 3);
+            up.swap(down);
+        }
     }
+
+    std::vector<int> places_with_cracks() const {
+        std::vector<int> places;
+        const std::size_t size = cracks_.size();
+        for (std::size_t k = 0; k < size; ++k) {
+            std::uint64_t eight = 0;
+            while (k + 8 <= size && (std::memcpy(&eight, &cracks_[k], 8), eight == 0)) k += 8;
+            if (k < size && cracks_[k]) places.push_back(static_cast<int>(k));
+        }
+        return places;
+    }
+
+    const int* row(int y) const { return labels_.data() + static_cast<std::size_t>(y) * width_; }
+    Point point(int k) const { return {k % (width_ + 1), k / (width_ + 1)}; }
+    int label(int x, int y) const { return x < 0 || y < 0 || x >= width_ || y >= height_ ? kOutside : row(y)[x]; }
 
     // Labels to the left and right of a step from p.
     std::pair<int, int> beside(Point p, int direction) const {
@@ -69,49 +102,38 @@ private:
         }
     }
 
-    bool has_crack(Point p, int direction) const {
-        const auto [left, right] = beside(p, direction);
-        return left != right;
+    bool has_crack(int k, int direction) const { return cracks_[k] >> direction & 1; }
+    bool walked(int k, int direction) const { return cracks_[k] >> (4 + direction) & 1; }
+    void walk(int k, int direction) { cracks_[k] |= static_cast<std::uint8_t>(16 << direction); }
+
+    bool is_node(int k) const {
+        if (std::popcount(static_cast<unsigned>(cracks_[k] & 15)) > 2) return true;
+        const Point p = point(k);
+        return (p.x == 0 || p.x == width_) && (p.y == 0 || p.y == height_);
     }
 
-    bool is_node(Point p) const {
-        const bool corner = (p.x == 0 || p.x == width_) && (p.y == 0 || p.y == height_);
-        if (corner) return true;
-        int cracks = 0;
-        for (int direction = 0; direction < 4; ++direction) cracks += has_crack(p, direction);
-        return cracks > 2;
-    }
-
-    char& mark(Point p, int direction) {
-        return walked_[4 * (static_cast<std::size_t>(p.y) * (width_ + 1) + p.x) + direction];
-    }
-    bool walked(Point p, int direction) { return mark(p, direction) != 0; }
-
-    Chain follow(Point p, int direction) {
+    Chain follow(int k, int direction) {
         Chain chain;
+        Point p = point(k);
         std::tie(chain.left, chain.right) = beside(p, direction);
-        const Point start = p;
+        const int start = k;
         chain.points.push_back(p);
         for (;;) {
-            mark(p, direction) = 1;
-            p = {p.x + kDx[direction], p.y + kDy[direction]};
-            mark(p, (direction + 2) % 4) = 1;
-            chain.points.push_back(p);
-            if (p == start || is_node(p)) return chain;
             const int back = (direction + 2) % 4;
-            for (int turn = 0; turn < 4; ++turn) {
-                if (turn != back && has_crack(p, turn)) {
-                    direction = turn;
-                    break;
-                }
-            }
+            walk(k, direction);
+            p = {p.x + kDx[direction], p.y + kDy[direction]};
+            k += kDx[direction] + kDy[direction] * (width_ + 1);
+            walk(k, back);
+            chain.points.push_back(p);
+            if (k == start || is_node(k)) return chain;
+            direction = std::countr_zero(static_cast<unsigned>(cracks_[k] & 15 & ~(1 << back)));
         }
     }
 
     const std::vector<int>& labels_;
     int width_;
     int height_;
-    std::vector<char> walked_;
+    std::vector<std::uint8_t> cracks_;
 };
 
 double height_over_chord(Point p, Point a, Point b) {
@@ -231,15 +253,21 @@ void hand_over_ids(const std::vector<Vertex>& old, std::vector<Vertex>& fresh) {
         double distance;
         int from, to;
     };
+    std::vector<int> by_x(fresh.size());
+    std::iota(by_x.begin(), by_x.end(), 0);
+    std::sort(by_x.begin(), by_x.end(), [&](int a, int b) { return fresh[a].p.x < fresh[b].p.x; });
     std::vector<Match> matches;
-    for (std::size_t i = 0; i < old.size(); ++i)
-        for (std::size_t j = 0; j < fresh.size(); ++j) {
-            if (std::abs(old[i].p.x - fresh[j].p.x) > kSameVertex) continue;
-            const double d = length(old[i].p - fresh[j].p);
-            if (d <= kSameVertex) matches.push_back({d, static_cast<int>(i), static_cast<int>(j)});
+    for (int i = 0; i < static_cast<int>(old.size()); ++i) {
+        auto place = std::lower_bound(by_x.begin(), by_x.end(), old[i].p.x - kSameVertex,
+                                      [&](int j, double x) { return fresh[j].p.x < x; });
+        for (; place != by_x.end() && fresh[*place].p.x <= old[i].p.x + kSameVertex; ++place) {
+            const double d = length(old[i].p - fresh[*place].p);
+            if (d <= kSameVertex) matches.push_back({d, i, *place});
         }
-    std::stable_sort(matches.begin(), matches.end(),
-                     [](const Match& a, const Match& b) { return a.distance < b.distance; });
+    }
+    std::sort(matches.begin(), matches.end(), [](const Match& a, const Match& b) {
+        return std::tie(a.distance, a.from, a.to) < std::tie(b.distance, b.from, b.to);
+    });
     std::vector<char> used(old.size(), 0), named(fresh.size(), 0);
     for (const Match& m : matches) {
         if (used[m.from] || named[m.to]) continue;
