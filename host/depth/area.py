@@ -21,7 +21,7 @@ import numpy as np
 
 from host.camera.lens import Lens
 from host.depth.config import DepthConfig
-from host.depth.motion import Station, most_redundant, travel_sigma_cm
+from host.depth.motion import Station, most_redundant, rotation_sigma_rad, travel_sigma_cm
 from host.depth.polygon import outline_length, polygon_area, polygon_moments
 from host.depth.report import Declined, Estimate
 from host.rbdn.snapshot import Region, Snapshot
@@ -99,7 +99,11 @@ class AreaMethod:
         sigma_px2 = np.hypot(region.sigma_area_px, outline_px * self._config.area_outline_px)
         # the polygon only says how the lens and the rotation scale the measured soft area
         area *= region.area_px / polygon_px
-        sight = _Sight(station, area**-0.5, 0.5 * sigma_px2 / region.area_px, spread / area)
+        # an unknown turn scales an area seen at x by 3 x (r3 . p depends on it in the third power)
+        first = history.sights[0].station if history.sights else station
+        turn = rotation_sigma_rad(station, first, self._config)
+        sigma = np.hypot(0.5 * sigma_px2 / region.area_px, 1.5 * float(np.hypot(*centre)) * turn)
+        sight = _Sight(station, area**-0.5, float(sigma), spread / area)
         return self._answer(history, sight, centre)
 
     @staticmethod
