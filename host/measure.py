@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import json
 import math
+import os
 import tempfile
 import time
 from collections.abc import Callable, Iterator
@@ -20,7 +21,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 from tyro.conf import Positional
 
 from host.config import Config, read_command_line
-from host.errors import InputError, run_command
+from host.errors import InputError, UsageError, run_command
 
 if TYPE_CHECKING:  # so that --help need not wait for OpenCV
     import numpy as np
@@ -108,7 +109,10 @@ def measure_sequence(sequence: Sequence, net: Tracker, estimator: DepthEstimator
         turned = None if before is None else frame.pose.relative_to(before)[0]
         before = frame.pose
         start = time.perf_counter()
-        snapshot = net.track(image, turned)
+        try:
+            snapshot = net.track(image, turned)
+        except InputError as error:  # the net does not know the image's name
+            raise InputError(f"{frame.path}: {error}") from error
         tracked = time.perf_counter()
         depths = estimator.update(snapshot, frame.pose)
         done = time.perf_counter()
@@ -132,6 +136,7 @@ def run(options: MeasureOptions, config: Config) -> None:
         check_writable(options.json, folder=False)
     if options.pictures is not None:
         check_writable(options.pictures, folder=True)
+    _refuse_to_overwrite_input(options, sequence)
     frames: list[dict[str, Any]] = []
     last: MeasuredFrame | None = None
     with _progress(len(sequence.frames)) as advance, _gallery(options.pictures, sequence) as gallery:
@@ -151,9 +156,26 @@ def run(options: MeasureOptions, config: Config) -> None:
 
 def _poses_file(options: MeasureOptions) -> Path | None:
     poses = options.poses
-    if poses is not None and not poses.exists() and (options.sequence / poses).is_file():
+    # os.path, since Path raises where a name is too long
+    if poses is not None and not os.path.exists(poses) and os.path.isfile(options.sequence / poses):
         raise InputError(f"{poses}: no such file; did you mean {options.sequence / poses}?")
     return poses
+
+
+def _refuse_to_overwrite_input(options: MeasureOptions, sequence: Sequence) -> None:
+    poses = options.poses or options.sequence / "poses.csv"
+    files = [options.sequence / "camera.json", poses, *(frame.path for frame in sequence.frames)]
+    inputs = {file.resolve() for file in files}
+    outputs = [] if options.json is None else [options.json]
+    if options.pictures is not None:
+        outputs += [options.pictures / _picture_name(frame) for frame in sequence.frames]
+    for output in outputs:
+        if output.resolve() in inputs:
+            raise UsageError(f"{output}: belongs to the sequence and would be overwritten; write elsewhere")
+
+
+def _picture_name(frame: SequenceFrame) -> str:
+    return f"{frame.number:06d}.png"
 
 
 def _number(value: float | None) -> float | None:
@@ -237,7 +259,7 @@ def _gallery(folder: Path | None, sequence: Sequence) -> Iterator[Callable[[Meas
             since_start_s = frame.source.pose.t_s - sequence.frames[0].pose.t_s
             caption = f"frame {frame.source.number}   {since_start_s:.2f} s"
             picture = draw_net(frame.image, frame.snapshot, frame.depths, caption)
-            cv2.imwrite(str(Path(drafts) / f"{frame.source.number:06d}.png"), picture)
+            cv2.imwrite(str(Path(drafts) / _picture_name(frame.source)), picture)
 
         yield add
         for draft in sorted(Path(drafts).iterdir()):

@@ -195,6 +195,12 @@ def test_a_broken_sequence_gets_one_line_and_leaves_earlier_results(
         (["run", "more"], 2, ["more"]),
         (["run", "--json", "run"], 2, ["run", "is a folder"]),
         (["run", "--json", "run/poses.csv/x"], 2, ["run/poses.csv", "is a file"]),
+        (["run", "--json", "run/camera.json"], 2, ["run/camera.json", "belongs to the sequence"]),
+        (["run", "--json", "run/frames/../poses.csv"], 2, ["poses.csv", "belongs to the sequence"]),
+        (["run", "--json", "x" * 300], 2, ["x" * 300, "too long"]),
+        (["x" * 300], 3, ["x" * 300, "no such folder"]),
+        (["run", "--poses", "x" * 300], 3, ["x" * 300, "too long"]),
+        (["run", "--config", "x" * 300], 2, ["x" * 300, "too long"]),
         (["run", "--pictures", "run/poses.csv"], 2, ["run/poses.csv", "is a file"]),
         (["run", "--net.merge-distance", "much"], 2, ["--net.merge-distance", "much"]),
         (["run", "--net.merge-distance", "-5"], 2, ["merge_distance", "-5"]),
@@ -215,6 +221,29 @@ def test_a_command_line_that_cannot_be_followed_gets_one_line(
     for word in words:
         assert word in said.err
     assert {p: p.stat().st_mtime_ns for p in sequence_folder.parent.rglob("*")} == before
+
+
+def test_pictures_never_replace_the_images_they_show(sequence_folder: Path, monkeypatch, capfd):
+    images = sequence_folder / "frames"
+    poses = sequence_folder / "poses.csv"
+    for k, suffix in enumerate(("png", "png", "jpg", "jpg")):
+        (images / f"{k:03d}.{suffix}").rename(images / f"{k:06d}.{suffix}")
+    poses.write_text(poses.read_text().replace("frames/", "frames/000"))
+    before = {p.name: p.read_bytes() for p in images.iterdir()}
+    assert command(monkeypatch, sequence_folder, "--pictures", images) == 2
+    assert f"{images / '000000.png'}: belongs to the sequence" in capfd.readouterr().err
+    assert {p.name: p.read_bytes() for p in images.iterdir()} == before
+
+
+def test_an_image_too_small_for_the_net_is_named(sequence_folder: Path, monkeypatch, capfd):
+    for file in (sequence_folder / "frames").iterdir():
+        assert cv2.imwrite(str(file), np.full((20, 24, 3), 128, np.uint8))
+    camera = json.loads((sequence_folder / "camera.json").read_text())
+    (sequence_folder / "camera.json").write_text(json.dumps(camera | {"width": 24, "height": 20}))
+    assert command(monkeypatch, sequence_folder) == 3
+    said = capfd.readouterr().err
+    assert said.count("\n") == 1
+    assert "frames/000.png: image of 24x20 px is too small" in said
 
 
 def test_ctrl_c_ends_with_130_and_leaves_earlier_results(sequence_folder: Path, tmp_path: Path):

@@ -56,9 +56,9 @@ def open_camera(uri: str, lens: Lens | None = None) -> FrameSource:
     path = Path(uri)
     if uri.startswith("/dev/"):
         return _open_webcam(path, lens)
-    if path.is_dir():
+    if os.path.isdir(path):  # Path.is_dir raises where a name is too long
         return ImageFolder(path, lens)
-    if path.is_file():
+    if os.path.isfile(path):
         return VideoFile(path, lens)
     raise InputError(f"camera {uri}: no such file or folder; give {KINDS}")
 

@@ -22,17 +22,10 @@ def check_writable(path: Path, *, folder: bool) -> None:
     UsageError
         where something else is in the way or the place is not writable.
     """
-    if folder and path.exists() and not path.is_dir():
-        raise UsageError(f"{path}: is a file, but a folder is needed for the pictures; name another")
-    if not folder and path.is_dir():
-        raise UsageError(f"{path}: is a folder; name a file in it")
-    nearest = path
-    while not nearest.exists() and nearest != nearest.parent:
-        nearest = nearest.parent
-    if nearest.is_file() and nearest != path:
-        raise UsageError(f"{path}: cannot be created because {nearest} is a file; choose another place")
-    if not os.access(nearest, os.W_OK):
-        raise UsageError(f"{path}: no permission to write to {nearest}; choose another place")
+    try:
+        _check_place(path, folder)
+    except OSError as error:
+        raise UsageError(f"{path}: cannot be written ({error.strerror}); choose another place") from error
 
 
 def write_whole(path: Path, content: bytes) -> None:
@@ -41,8 +34,10 @@ def write_whole(path: Path, content: bytes) -> None:
     Raises
     ------
     UsageError
-        where it cannot be written; what was at `path` before is then untouched.
+        where it cannot be written, or something other than a file is there; what was at `path` before is
+        then untouched.
     """
+    _refuse_device(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
@@ -57,6 +52,28 @@ def write_whole(path: Path, content: bytes) -> None:
         raise UsageError(f"{path}: cannot be written ({error.strerror}); choose another place") from error
     finally:
         Path(name).unlink(missing_ok=True)
+
+
+def _check_place(path: Path, folder: bool) -> None:
+    if folder and path.exists() and not path.is_dir():
+        raise UsageError(f"{path}: is a file, but a folder is needed for the pictures; name another")
+    if not folder and path.is_dir():
+        raise UsageError(f"{path}: is a folder; name a file in it")
+    if not folder:
+        _refuse_device(path)
+    nearest = path
+    while not nearest.exists() and nearest != nearest.parent:
+        nearest = nearest.parent
+    if nearest.is_file() and nearest != path:
+        raise UsageError(f"{path}: cannot be created because {nearest} is a file; choose another place")
+    if not os.access(nearest, os.W_OK):
+        raise UsageError(f"{path}: no permission to write to {nearest}; choose another place")
+
+
+def _refuse_device(path: Path) -> None:
+    """Replacing /dev/null by a file would harm every program of the machine, and root is able to."""
+    if path.exists() and not path.is_file():
+        raise UsageError(f"{path}: is no ordinary file and would be lost; name another")
 
 
 def _umask() -> int:

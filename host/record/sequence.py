@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import math
+import os
 import shutil
 import tempfile
 from collections.abc import Iterable
@@ -71,8 +72,8 @@ def read_sequence(folder: Path, poses_file: Path | None = None) -> Sequence:
     InputError
         naming file, line or key, and remedy.
     """
-    if not folder.is_dir():
-        what = "is a file, not a sequence folder" if folder.exists() else "no such folder"
+    if not os.path.isdir(folder):  # Path.is_dir raises where a name is too long
+        what = "is a file, not a sequence folder" if os.path.exists(folder) else "no such folder"
         raise InputError(f"{folder}: {what}; give a folder with camera.json, poses.csv and images")
     lens = read_lens(folder / "camera.json")
     frames = read_poses(folder / "poses.csv" if poses_file is None else poses_file, folder)

@@ -1,0 +1,38 @@
+"""Files appear whole or not at all, and nothing but a file is ever replaced."""
+
+from __future__ import annotations
+
+import os
+import stat
+from pathlib import Path
+
+import pytest
+
+from host.errors import UsageError
+from host.record.atomic import check_writable, write_whole
+
+
+def test_a_file_is_replaced_and_no_draft_is_left(tmp_path: Path):
+    target = tmp_path / "new" / "out.json"
+    for content in (b"first", b"second"):
+        check_writable(target, folder=False)
+        write_whole(target, content)
+    assert target.read_bytes() == b"second"
+    assert [p.name for p in target.parent.iterdir()] == ["out.json"]
+
+
+def test_whatever_is_no_ordinary_file_is_refused_and_kept(tmp_path: Path):
+    pipe = tmp_path / "pipe"  # stands for /dev/null and its like, which must not be put at risk here
+    os.mkfifo(pipe)
+    with pytest.raises(UsageError, match="pipe: is no ordinary file"):
+        check_writable(pipe, folder=False)
+    with pytest.raises(UsageError, match="pipe: is no ordinary file"):
+        write_whole(pipe, b"lost")
+    assert stat.S_ISFIFO(pipe.stat().st_mode)
+    assert [p.name for p in tmp_path.iterdir()] == ["pipe"]
+
+
+@pytest.mark.parametrize("folder", [False, True])
+def test_a_name_the_disk_cannot_hold_is_refused_in_one_line(tmp_path: Path, folder: bool):
+    with pytest.raises(UsageError, match="too long"):
+        check_writable(tmp_path / ("x" * 300), folder=folder)
