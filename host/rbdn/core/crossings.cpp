@@ -118,7 +118,7 @@ void Crossings::build(const Mesh& mesh) {
 
 std::vector<ColourSum> Crossings::face_sums(const Mesh& mesh, const Image& image) const {
     std::vector<ColourSum> sums(mesh.faces.size());
-    for (int y = 0; y < rows_.line_count(); ++y) {
+    for (int y = 0; y < rows_.line_count(); y += image.row_step()) {
         const auto crossings = rows_.line(y);
         const RowSums sum = image.row_sums(y);
         for (std::size_t i = 0; i + 1 < crossings.size(); ++i) {

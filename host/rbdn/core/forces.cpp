@@ -26,8 +26,8 @@ public:
         gate2_ = std::max(rule.eta2, 0.30F * between2);
     }
 
-    bool operator()(const Pixel& p) const {
-        const float projected = direction_[0] * p.c[0] + direction_[1] * p.c[1] + direction_[2] * p.c[2];
+    bool operator()(const Colour& p) const {
+        const float projected = direction_[0] * p[0] + direction_[1] * p[1] + direction_[2] * p[2];
         return projected > middle_ && distance2(p, other_) <= gate2_;
     }
 
@@ -71,10 +71,11 @@ std::vector<Scan> plan_scans(const Mesh& mesh, const ClaimRule& rule, int reach_
 // One axis of the disparity: edges that cross these lines steeply.
 void measure_along(const Mesh& mesh, const CrossingLines& lines, bool rows, const Image& image,
                    const std::vector<Scan>& scans, std::vector<Disparity>& out) {
-    const int stride = rows ? 1 : mesh.width;
+    const int stride = 3 * (rows ? 1 : mesh.width);
     for (int k = 0; k < lines.line_count(); ++k) {
         const auto crossings = lines.line(k);
-        const Pixel* line = rows ? &image.at(0, k) : &image.at(k, 0);
+        const std::uint8_t* line = rows ? image.row(k) : image.row(0) + 3 * k;
+        const auto colour = [&](int at) { return image.colour_of(line + at * stride); };
         for (std::size_t i = 1; i + 1 < crossings.size(); ++i) {
             const Crossing& c = crossings[i];
             const Scan& scan = scans[c.edge];
@@ -87,9 +88,9 @@ void measure_along(const Mesh& mesh, const CrossingLines& lines, bool rows, cons
             const int low = std::max(crossings[i - 1].pixel, here - scan.depth);
             const int high = std::min(crossings[i + 1].pixel, here + scan.depth);
             int run_before = 0;
-            for (int at = here - 1; at >= low && by_after(line[at * stride]); --at) ++run_before;
+            for (int at = here - 1; at >= low && by_after(colour(at)); --at) ++run_before;
             int run_after = 0;
-            for (int at = here; at < high && by_before(line[at * stride]); ++at) ++run_after;
+            for (int at = here; at < high && by_before(colour(at)); ++at) ++run_after;
             if (run_before + run_after == 0) continue;
 
             const int half = (k + 0.5 < scan.middle) == scan.a_is_first ? 0 : 1;

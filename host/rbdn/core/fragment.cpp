@@ -90,13 +90,13 @@ OffMap off_pixels(const Mesh& mesh, const Crossings& crossings, const Image& ima
     std::vector<char> far(static_cast<std::size_t>(map.width) * map.height, 0);
     for (int j = 0; j < map.height; ++j) {
         const auto line = crossings.rows().line(j * kStep);
-        const Pixel* row = &image.at(0, j * kStep);
+        const std::uint8_t* row = image.row(j * kStep);
         char* marks = far.data() + static_cast<std::size_t>(j) * map.width;
         for (std::size_t n = 0; n + 1 < line.size(); ++n) {
             const Colour mean = mesh.faces[line[n].after].mean;
             const int last = (line[n + 1].pixel + kStep - 1) / kStep;
             for (int i = (line[n].pixel + kStep - 1) / kStep; i < last; ++i)
-                marks[i] = distance2(row[i * kStep], mean) > gate2;
+                marks[i] = distance2(image.colour_of(row + 3 * kStep * i), mean) > gate2;
         }
     }
     map.off.assign(far.size(), 0);

@@ -1,4 +1,4 @@
-// The working image: colours in the net's own space, with row prefix sums for fast means.
+// The working image: the camera's CIELAB bytes seen in the net's own colour space, with sums for fast means.
 #include "image.hpp"
 
 #include <bit>
@@ -8,21 +8,7 @@ namespace rbdn {
 
 namespace {
 
-// What each value of each channel contributes to a pixel, ready to be put together by "or".
-struct ChannelTables {
-    std::array<std::array<std::uint64_t, 256>, 3> packed;
-
-    explicit ChannelTables(double lightness_weight) {
-        for (int v = 0; v < 256; ++v) {
-            // Lightness carries an object's own shading; discounting it keeps lit and dark sides together.
-            const double lightness = v * (100.0 / 255.0) * lightness_weight * Image::kUnitsPerLab;
-            const auto hue = static_cast<std::int16_t>((v - 128) * Image::kUnitsPerLab);
-            packed[0][v] = std::bit_cast<std::uint64_t>(Pixel{{static_cast<std::int16_t>(std::lround(lightness)), 0, 0, 0}});
-            packed[1][v] = std::bit_cast<std::uint64_t>(Pixel{{0, hue, 0, 0}});
-            packed[2][v] = std::bit_cast<std::uint64_t>(Pixel{{0, 0, hue, 0}});
-        }
-    }
-};
+using FourShorts = std::array<std::int16_t, 4>;
 
 }  // namespace
 
@@ -33,23 +19,34 @@ Colour ColourSum::mean() const {
     return out;
 }
 
-void Image::load(const std::uint8_t* lab, int width, int height, double lightness_weight) {
+Image::Image(double lightness_weight) {
+    for (int v = 0; v < 256; ++v) {
+        // Lightness carries an object's own shading; discounting it keeps lit and dark sides together.
+        const double scaled = v * (100.0 / 255.0) * lightness_weight * kUnitsPerLab;
+        const auto lightness = static_cast<std::int16_t>(std::lround(scaled));
+        const auto hue = static_cast<std::int16_t>((v - 128) * kUnitsPerLab);
+        lightness_[v] = lightness;
+        hue_[v] = hue;
+        packed_[0][v] = std::bit_cast<std::uint64_t>(FourShorts{lightness, 0, 0, 0});
+        packed_[1][v] = std::bit_cast<std::uint64_t>(FourShorts{0, hue, 0, 0});
+        packed_[2][v] = std::bit_cast<std::uint64_t>(FourShorts{0, 0, hue, 0});
+    }
+}
+
+void Image::load(const std::uint8_t* lab, int width, int height, int row_step) {
+    lab_ = lab;
     width_ = width;
     height_ = height;
-    pixels_.resize(static_cast<std::size_t>(width) * height);
-    prefix_.resize(static_cast<std::size_t>(width + 1) * height);
-    const ChannelTables table(lightness_weight);
-
-    for (int y = 0; y < height; ++y) {
-        const std::uint8_t* in = lab + static_cast<std::size_t>(y) * width * 3;
-        Pixel* out = &pixels_[static_cast<std::size_t>(y) * width];
-        for (int x = 0; x < width; ++x, in += 3)
-            out[x] = std::bit_cast<Pixel>(table.packed[0][in[0]] | table.packed[1][in[1]] | table.packed[2][in[2]]);
-        PrefixSum* sum = &prefix_[static_cast<std::size_t>(y) * (width + 1)];
+    row_step_ = row_step;
+    prefix_.resize(static_cast<std::size_t>(width + 1) * ((height + row_step - 1) / row_step));
+    for (int y = 0; y < height; y += row_step) {
+        const std::uint8_t* in = row(y);
+        PrefixSum* sum = &prefix_[static_cast<std::size_t>(y / row_step) * (width + 1)];
         PrefixSum total{};
         sum[0] = total;
-        for (int x = 0; x < width; ++x) {
-            for (int k = 0; k < 4; ++k) total.c[k] += out[x].c[k];
+        for (int x = 0; x < width; ++x, in += 3) {
+            const auto pixel = std::bit_cast<FourShorts>(packed_[0][in[0]] | packed_[1][in[1]] | packed_[2][in[2]]);
+            for (int k = 0; k < 4; ++k) total.c[k] += pixel[k];
             sum[x + 1] = total;
         }
     }

@@ -1,4 +1,4 @@
-// The working image: colours in the net's own space, with row prefix sums for fast means.
+// The working image: the camera's CIELAB bytes seen in the net's own colour space, with sums for fast means.
 #pragma once
 
 #include <array>
@@ -9,10 +9,6 @@ namespace rbdn {
 
 // Colour units are quarters of a CIELAB unit, with lightness discounted; see image.cpp.
 using Colour = std::array<float, 3>;
-
-struct Pixel {
-    std::int16_t c[4];  // lightness, a, b; the fourth keeps pixels aligned
-};
 
 // Sums over the pixels of a row before each place; four numbers, so that they are added in one go.
 struct PrefixSum {
@@ -41,29 +37,37 @@ inline float distance2(const Colour& a, const Colour& b) {
     return x * x + y * y + z * z;
 }
 
-inline float distance2(const Pixel& p, const Colour& b) {
-    const float x = p.c[0] - b[0], y = p.c[1] - b[1], z = p.c[2] - b[2];
-    return x * x + y * y + z * z;
-}
-
 class Image {
 public:
     static constexpr float kUnitsPerLab = 4.0F;
 
-    // `lab` is OpenCV's 8-bit CIELAB, (height, width, 3), row after row without gaps.
-    void load(const std::uint8_t* lab, int width, int height, double lightness_weight);
+    explicit Image(double lightness_weight);
+
+    // `lab` is OpenCV's 8-bit CIELAB, (height, width, 3), row after row without gaps; it is not copied and must
+    // outlive the use of the image. Means are taken over every `row_step`-th row.
+    void load(const std::uint8_t* lab, int width, int height, int row_step);
 
     int width() const { return width_; }
     int height() const { return height_; }
-    const Pixel& at(int x, int y) const { return pixels_[static_cast<std::size_t>(y) * width_ + x]; }
+    int row_step() const { return row_step_; }
 
-    // Prefix sums of row y: width + 1 of them.
-    RowSums row_sums(int y) const { return &prefix_[static_cast<std::size_t>(y) * (width_ + 1)]; }
+    // Pixels of a row, three bytes each, for colour_of().
+    const std::uint8_t* row(int y) const { return lab_ + 3 * static_cast<std::size_t>(y) * width_; }
+    Colour colour_of(const std::uint8_t* pixel) const {
+        return {lightness_[pixel[0]], hue_[pixel[1]], hue_[pixel[2]]};
+    }
+
+    // Prefix sums of row y, a multiple of row_step: width + 1 of them.
+    RowSums row_sums(int y) const { return &prefix_[static_cast<std::size_t>(y / row_step_) * (width_ + 1)]; }
 
 private:
+    const std::uint8_t* lab_ = nullptr;
     int width_ = 0;
     int height_ = 0;
-    std::vector<Pixel> pixels_;
+    int row_step_ = 1;
+    std::array<float, 256> lightness_{};
+    std::array<float, 256> hue_{};
+    std::array<std::array<std::uint64_t, 256>, 3> packed_{};  // four 16-bit numbers each, for the sums
     std::vector<PrefixSum> prefix_;
 };
 

@@ -37,8 +37,8 @@ std::map<FacePair, Step> measure_steps(const Mesh& mesh, const Image& image, con
             const int x = floor_px(p.x), y = floor_px(p.y);
             if (x < 0 || y < 0 || x >= mesh.width || y >= mesh.height) return;
             if (labels[static_cast<std::size_t>(y) * mesh.width + x] != face) return;
-            const Pixel& pixel = image.at(x, y);
-            for (int k = 0; k < 3; ++k) sum[k] += pixel.c[k];
+            const Colour colour = image.colour_of(image.row(y) + 3 * x);
+            for (int k = 0; k < 3; ++k) sum[k] += colour[k];
             ++count;
         };
         for (double s = 0.5; s < size; s += 1.0) {

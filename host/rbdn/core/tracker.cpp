@@ -23,7 +23,7 @@ constexpr int kFragmentations = 2;    // per frame
 }  // namespace
 
 void Tracker::track(const std::uint8_t* lab, int width, int height, const std::vector<int>& source) {
-    image_.load(lab, width, height, config_.lightness_weight);
+    image_.load(lab, width, height, 1);
     cycles_ = 0;
     for (Vertex& v : mesh_.vertices) v.fresh = false;
     for (Edge& e : mesh_.edges) e.settled = false;

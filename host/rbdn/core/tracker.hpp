@@ -18,7 +18,7 @@ namespace rbdn {
 
 class Tracker {
 public:
-    explicit Tracker(const Config& config) : config_(config) {}
+    explicit Tracker(const Config& config) : config_(config), image_(config.lightness_weight) {}
 
     // Fits the net to the next image (8-bit CIELAB). `source` tells, for every pixel, which pixel of the last
     // frame the camera's rotation brought there (negative: none); empty where the camera did not turn much.
