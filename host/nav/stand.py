@@ -3,6 +3,10 @@
 In each image column the lowest point of what is not floor is its foot: the floor is there at
 height / ray_y. Both are compared and averaged as slopes of the ray to the foot, height / depth, in which the
 foot's error is the same at every distance.
+
+Something wide is a wall and stands where its feet are, column by column. Something narrow is filled from its
+nearest point on. A ball's nearest point lies far before its foot: what hangs over at the sides is taken to
+bulge as much towards the robot.
 """
 
 from __future__ import annotations
@@ -20,6 +24,10 @@ from host.pose import Pose
 from host.rbdn.snapshot import Region
 
 USABLE = 0.25  # a depth with a larger relative sigma places nothing
+WALL_CM = 70.0  # what is wider than this has a front as its feet have it, what is narrower a flat one
+TOUCHING = 1.05  # columns whose foot is nearer than this times the nearest foot touch the floor
+HANGING = 0.6  # a thing whose outer feet are flatter than this part of its nearest one hangs over there
+MEAN_TO_FRONT = 0.15  # a thing's nearest point before its mean depth, in its widths
 FARTHEST_DEPTH_CM = 450.0
 LEAST_COLUMNS = 3
 SURE, FAIR, FAINT = 1.0, 0.5, 0.25  # log-odds a frame is worth: depth and foot agree; one alone; they do not
@@ -31,8 +39,8 @@ class Standing:
 
     region: int
     columns: np.ndarray  # (K,) columns of the label image it covers
-    depth_cm: np.ndarray  # (K,) along the optical axis
-    mean_cm: float
+    depth_cm: np.ndarray  # (K,) of its nearest point in each, along the optical axis
+    mean_cm: float  # the region's depth
     sigma_cm: float  # of the mean
     how: str  # the depth's method, "foot", or "at the lower border"
     weight: float  # log-odds
@@ -44,6 +52,7 @@ class Standing:
         return out
 
     def width_cm(self, lens: Lens) -> float:
+        """How wide it looks at its distance."""
         return self.mean_cm * len(self.columns) * STEP_PX / lens.fx
 
 
@@ -79,6 +88,10 @@ class Feet:
         self.free_cm -= 2 * self.free_cm**2 / height_cm * SIGMA_RAY
         self.nearest_cm = float(height_cm / rays.down[-1].max())
 
+    def width_cm(self, columns: np.ndarray, depth_cm: float) -> float:
+        """Width of what spans these columns at a depth."""
+        return float(self._across[columns[-1]] - self._across[columns[0]]) * depth_cm
+
     def point(self, pose: Pose, column: int, depth_cm: float) -> tuple[float, float]:
         """(x, z) in the odometry frame of a depth in a column."""
         heading = heading_of(pose)
@@ -102,15 +115,16 @@ def stand_of(region: Region, report: DepthReport, feet: Feet, labels: np.ndarray
     where they contradict each other the nearer one is taken, and not trusted much.
     """
     measured = usable_depth(report, region.id)
+    covered = np.nonzero((labels == region.id).any(axis=0))[0]
     columns = np.nonzero((feet.region == region.id) & ~feet.cut)[0]
     if len(columns) >= LEAST_COLUMNS:
-        return _on_its_feet(region.id, measured, feet, columns)
+        return _on_its_feet(region.id, measured, feet, columns, covered)
     if measured is not None:
-        columns = np.nonzero((labels == region.id).any(axis=0))[0]
-        if len(columns) == 0:
+        if len(covered) == 0:
             return None
         z, sigma, how = measured
-        return Standing(region.id, columns, np.full(len(columns), z), z, sigma, how, FAIR)
+        front = z - MEAN_TO_FRONT * feet.width_cm(covered, z)
+        return Standing(region.id, covered, np.full(len(covered), front), z, sigma, how, FAIR)
     columns = np.nonzero((feet.region == region.id) & feet.cut)[0]
     if len(columns) < LEAST_COLUMNS:
         return None
@@ -119,28 +133,48 @@ def stand_of(region: Region, report: DepthReport, feet: Feet, labels: np.ndarray
     return Standing(region.id, columns, depth, mean, 0.25 * mean, "at the lower border", FAINT)
 
 
-def _on_its_feet(region: int, measured: tuple[float, float, str] | None, feet: Feet, columns: np.ndarray):
-    foot = feet.depth_cm[columns]
-    mean = float(foot.mean())
-    slope, sigma = feet.height_cm / mean, SIGMA_RAY
-    how, weight = "foot", FAIR
-    if measured is None:
-        if sigma > 0.3 * slope:
-            return None
-    else:
-        z, s, method = measured
-        other, sigma_other = feet.height_cm / z, feet.height_cm * s / z**2
-        if abs(other - slope) < 3 * math.hypot(sigma, sigma_other):
-            share = sigma**2 / (sigma**2 + sigma_other**2)
-            slope = share * other + (1 - share) * slope
-            sigma = sigma * sigma_other / math.hypot(sigma, sigma_other)
-            how, weight = method, SURE
-        elif other > slope:
-            slope, sigma, how, weight = other, sigma_other, method, FAINT
-        else:
-            weight = FAINT
+def _on_its_feet(
+    region: int,
+    measured: tuple[float, float, str] | None,
+    feet: Feet,
+    columns: np.ndarray,
+    covered: np.ndarray,
+) -> Standing | None:
+    slopes = feet.height_cm / feet.depth_cm[columns]
+    nearest = float(np.percentile(slopes, 90))
+    wall = feet.width_cm(covered, feet.height_cm / nearest) > WALL_CM
+    slope, sigma, how, weight = _agreed(float(np.mean(slopes)) if wall else nearest, measured, feet.height_cm)
     z = feet.height_cm / slope
-    return Standing(region, columns, foot * z / mean, z, sigma * z**2 / feet.height_cm, how, weight)
+    sigma_cm = sigma * z**2 / feet.height_cm
+    if how == "foot" and sigma_cm > 0.3 * z:
+        return None
+    if wall:
+        depth = feet.depth_cm[columns]
+        depth = depth * z / float(depth.mean())
+        return Standing(region, columns, depth, z, sigma_cm, how, weight)
+    bulge = 0.0
+    if float(np.percentile(slopes, 10)) < HANGING * nearest:
+        touching = float((slopes > nearest / TOUCHING).sum()) / len(covered)
+        bulge = 0.5 * (1 - touching) * feet.width_cm(covered, z)
+    return Standing(region, covered, np.full(len(covered), z - bulge), z, sigma_cm, how, weight)
+
+
+def _agreed(
+    slope: float, measured: tuple[float, float, str] | None, height_cm: float
+) -> tuple[float, float, str, float]:
+    """(slope, sigma, how, weight) of a foot's slope and a measured depth together."""
+    sigma = SIGMA_RAY
+    if measured is None:
+        return slope, sigma, "foot", FAIR
+    z, s, method = measured
+    other, sigma_other = height_cm / z, height_cm * s / z**2
+    if abs(other - slope) < 3 * math.hypot(sigma, sigma_other):
+        share = sigma**2 / (sigma**2 + sigma_other**2)
+        both = sigma * sigma_other / math.hypot(sigma, sigma_other)
+        return share * other + (1 - share) * slope, both, method, SURE
+    if other > slope:
+        return other, sigma_other, method, FAINT
+    return slope, sigma, "foot", FAINT
 
 
 def usable_depth(report: DepthReport, region_id: int) -> tuple[float, float, str] | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -108,21 +109,14 @@ def test_a_wall_is_mapped_along_its_slant_by_its_feet():
 
 
 def test_a_rug_whose_depth_lies_on_the_floor_becomes_floor():
-    rug = Box(-20, 80, 20, 130, 0.01)
-    world = PlanarWorld([])
-    snapshot, _ = world.see()
-    flat = PlanarWorld([rug]).see()[0]
-    if all(r.id != 10 for r in flat.regions):  # too thin to be cast: paint it onto the floor
-        rows = [120 + 15 * LENS.fy / z for z in (130, 80)]
-        loop = np.array(
-            [[160 - 20 * LENS.fx / 130, rows[0]], [160 + 20 * LENS.fx / 130, rows[0]],
-             [160 + 20 * LENS.fx / 80, rows[1]], [160 - 20 * LENS.fx / 80, rows[1]]]
-        )  # fmt: skip
-        floor = next(r for r in snapshot.regions if r.id == FLOOR_ID)
-        none = (np.zeros(4, np.int64),)
-        patch = type(floor)(10, None, 0, 3000.0, 1.0, False, (250.0, 0.0, 0.0), (loop,), none, none)
-        flat = type(snapshot)(*[*(getattr(snapshot, f) for f in ("seq",)), (*snapshot.regions, patch),
-                                snapshot.vertices, snapshot.contour, (), 1, 1.0, 1.0])  # fmt: skip
+    snapshot, _ = PlanarWorld([]).see()
+    floor = next(r for r in snapshot.regions if r.id == FLOOR_ID)
+    corners = [(-20, 130), (20, 130), (20, 80), (-20, 80)]
+    loop = np.array([[LENS.cx + LENS.fx * x / z, LENS.cy + LENS.fy * 15 / z] for x, z in corners])
+    none = (np.zeros(4, np.int64),)
+    rug = replace(floor, id=10, touches_border=False, mean_rgb=(250, 0, 0), loops=(loop,),
+                  loop_vertices=none, loop_neighbours=none)  # fmt: skip
+    flat = replace(snapshot, regions=(*snapshot.regions, rug))
     rug_map = fresh()
     report = DepthReport({10: RegionDepth(100.0, 2.0, "area", None)}, NO_VERTICES)
     for k in range(8):
@@ -147,3 +141,43 @@ def test_evidence_fades_when_nothing_is_seen():
     look(world, box_map)
     assert not box_map.evidence[box_map.cell_of(0, 92)] > OCCUPIED
     assert 10 not in box_map.obstacles
+
+
+def test_a_ball_is_filled_from_its_nearest_point_on_though_its_foot_lies_behind():
+    z, radius = 120.0, 14.0
+    snapshot, _ = PlanarWorld([]).see()
+    floor = next(r for r in snapshot.regions if r.id == FLOOR_ID)
+    angle = np.linspace(0, 2 * math.pi, 60, endpoint=False)
+    outline = np.column_stack(
+        [LENS.cx + LENS.fx * radius / z * np.cos(angle),
+         LENS.cy + LENS.fy * (15 - radius + radius * np.sin(angle)) / z]
+    )  # fmt: skip
+    none = (np.zeros(len(outline), np.int64),)
+    ball = replace(floor, id=10, touches_border=False, mean_rgb=(250, 0, 0), loops=(outline,),
+                   loop_vertices=none, loop_neighbours=none)  # fmt: skip
+    with_ball = replace(snapshot, regions=(*snapshot.regions, ball))
+    ball_map = fresh()
+    for k in range(FRAMES):
+        ball_map.update(with_ball, DepthReport({}, NO_VERTICES), Pose.planar(0, 0, 0, t_s=k / 10), LENS)
+    cells = filled_xz(ball_map, 10)
+    assert cells[:, 1].min() < z - radius + 7
+    assert cells[:, 0].min() < -radius + 5
+    assert cells[:, 0].max() > radius - 5
+
+
+def test_a_box_seen_over_its_corner_is_filled_from_the_corner_on():
+    z = 100.0
+    snapshot, _ = PlanarWorld([]).see()
+    floor = next(r for r in snapshot.regions if r.id == FLOOR_ID)
+    feet = [(-14, z + 14), (0, z), (14, z + 14)]
+    low = [[LENS.cx + LENS.fx * x / d, LENS.cy + LENS.fy * 15 / d] for x, d in feet]
+    high = [[LENS.cx + LENS.fx * x / d, LENS.cy - LENS.fy * 20 / d] for x, d in reversed(feet)]
+    none = (np.zeros(6, np.int64),)
+    box = replace(floor, id=10, touches_border=False, mean_rgb=(250, 0, 0), loops=(np.array(low + high),),
+                  loop_vertices=none, loop_neighbours=none)  # fmt: skip
+    with_box = replace(snapshot, regions=(*snapshot.regions, box))
+    box_map = fresh()
+    for k in range(FRAMES):
+        box_map.update(with_box, DepthReport({}, NO_VERTICES), Pose.planar(0, 0, 0, t_s=k / 10), LENS)
+    cells = filled_xz(box_map, 10)
+    assert z - 12 < cells[:, 1].min() < z + 5
