@@ -143,14 +143,14 @@ def _on_its_feet(
     slopes = feet.height_cm / feet.depth_cm[columns]
     nearest = float(np.percentile(slopes, 90))
     wall = feet.width_cm(covered, feet.height_cm / nearest) > WALL_CM
-    slope, sigma, how, weight = _agreed(float(np.mean(slopes)) if wall else nearest, measured, feet.height_cm)
+    foot_slope = float(np.mean(slopes)) if wall else nearest
+    slope, sigma, how, weight = _agreed(foot_slope, measured, feet.height_cm)
     z = feet.height_cm / slope
     sigma_cm = sigma * z**2 / feet.height_cm
     if how == "foot" and sigma_cm > 0.3 * z:
         return None
     if wall:
-        depth = feet.depth_cm[columns]
-        depth = depth * z / float(depth.mean())
+        depth = feet.depth_cm[columns] * foot_slope / slope
         return Standing(region, columns, depth, z, sigma_cm, how, weight)
     bulge = 0.0
     if float(np.percentile(slopes, 10)) < HANGING * nearest:
