@@ -114,6 +114,7 @@ void CrossingLines::collect_bad_edges(std::vector<int>& bad) const {
 void Crossings::build(const Mesh& mesh) {
     rows_.build(mesh, Axis::kRows);
     columns_.build(mesh, Axis::kColumns);
+    ++version_;
 }
 
 std::vector<ColourSum> Crossings::face_sums(const Mesh& mesh, const Image& image) const {

@@ -61,10 +61,13 @@ class Crossings {
 public:
     void build(const Mesh& mesh);
 
+    // Changes with every build(), so that what was derived from the lists can be kept as long as they stand.
+    int version() const { return version_; }
+
     const CrossingLines& rows() const { return rows_; }
     const CrossingLines& columns() const { return columns_; }
 
-    // Pixel sums of every face, one ColourSum a face.
+    // Pixel sums of every face, one ColourSum a face, over the rows that the image keeps sums of.
     std::vector<ColourSum> face_sums(const Mesh& mesh, const Image& image) const;
 
     // Face of every pixel, row after row.
@@ -73,6 +76,7 @@ public:
 private:
     CrossingLines rows_;
     CrossingLines columns_;
+    int version_ = 0;
 };
 
 }  // namespace rbdn

@@ -9,53 +9,106 @@ namespace rbdn {
 
 namespace {
 
-constexpr int kSampleArea = OffMap::kStep * OffMap::kStep;
-constexpr int kSmallestBlob = 60 / kSampleArea;  // samples; below this, off-pixels are noise
+constexpr int kSmallestBlob = 60;   // px; below this, off-pixels are noise
 constexpr int kSmallestPiece = 20;  // px; smaller cuttings stay with their face
-constexpr int kSpread = 2;          // samples by which known off-pixels may have moved
+constexpr int kSpread = 3;          // px by which known off-pixels may have moved
+constexpr int kCoarse = 2;          // px between the samples that are looked at first
 
 struct Blob {
-    int first;  // range of BlobList::samples
+    int first;  // range of BlobList::pixels
     int last;
 };
 
 struct BlobList {
-    std::vector<int> samples;
+    std::vector<int> pixels;
     std::vector<Blob> blobs;
 };
 
-// Connected sets of off-samples, four neighbours each.
-BlobList find_blobs(const OffMap& map) {
+// Connected sets of pixels, four neighbours each.
+BlobList find_blobs(const PixelSet& set) {
     BlobList list;
-    std::vector<char> left = map.off;
-    const auto begin = left.begin();
-    for (auto next = std::find(begin, left.end(), 1); next != left.end(); next = std::find(next, left.end(), 1)) {
-        const int first = static_cast<int>(list.samples.size());
-        const auto visit = [&](bool inside, int k) {
-            if (!inside || !left[k]) return;
-            left[k] = 0;
-            list.samples.push_back(k);
-        };
-        visit(true, static_cast<int>(next - begin));
-        for (int n = first; n < static_cast<int>(list.samples.size()); ++n) {
-            const int k = list.samples[n], x = k % map.width, y = k / map.width;
+    PixelSet seen(set.width(), set.height());
+    const auto visit = [&](bool inside, int k) {
+        if (inside && set.has(k)) seen.add(k);
+    };
+    for (int start : set.list()) {
+        const int first = static_cast<int>(seen.list().size());
+        visit(true, start);
+        for (int n = first; n < static_cast<int>(seen.list().size()); ++n) {
+            const int k = seen.list()[n], x = k % set.width(), y = k / set.width();
             visit(x > 0, k - 1);
-            visit(x + 1 < map.width, k + 1);
-            visit(y > 0, k - map.width);
-            visit(y + 1 < map.height, k + map.width);
+            visit(x + 1 < set.width(), k + 1);
+            visit(y > 0, k - set.width());
+            visit(y + 1 < set.height(), k + set.width());
         }
-        list.blobs.push_back({first, static_cast<int>(list.samples.size())});
+        const int last = static_cast<int>(seen.list().size());
+        if (last > first) list.blobs.push_back({first, last});
     }
+    list.pixels = seen.list();
     return list;
 }
 
-bool is_near_off(const OffMap& map, int sample) {
-    const int x = sample % map.width, y = sample / map.width;
-    for (int j = std::max(0, y - kSpread); j <= std::min(map.height - 1, y + kSpread); ++j)
-        for (int i = std::max(0, x - kSpread); i <= std::min(map.width - 1, x + kSpread); ++i)
-            if (map.off[static_cast<std::size_t>(j) * map.width + i]) return true;
+bool is_near(const PixelSet& set, int pixel) {
+    if (set.empty()) return false;
+    const int x = pixel % set.width(), y = pixel / set.width();
+    for (int j = std::max(0, y - kSpread); j <= std::min(set.height() - 1, y + kSpread); ++j)
+        for (int i = std::max(0, x - kSpread); i <= std::min(set.width() - 1, x + kSpread); ++i)
+            if (set.has(j * set.width() + i)) return true;
     return false;
 }
+
+// Finds the pixels far from their face's mean, by a coarse look first and a close one where that found something.
+class FarSearch {
+public:
+    FarSearch(const Mesh& mesh, const Crossings& crossings, const Image& image, double gate)
+        : mesh_(mesh), crossings_(crossings), image_(image), gate2_(static_cast<float>(gate * gate)),
+          far_(mesh.width, mesh.height) {}
+
+    PixelSet run() {
+        std::vector<int> above, here;  // places found on the coarse rows
+        for (int y = 0; y < mesh_.height; y += kCoarse) {
+            look_coarsely(y, here);
+            if (y > 0) {
+                look_closely(y - 1, above);
+                look_closely(y - 1, here);
+            }
+            look_closely(y, here);
+            if (y + 2 == mesh_.height) look_closely(y + 1, here);
+            above.swap(here);
+        }
+        return std::move(far_);
+    }
+
+private:
+    void look_coarsely(int y, std::vector<int>& places) const {
+        places.clear();
+        const auto line = crossings_.rows().line(y);
+        const std::uint8_t* row = image_.row(y);
+        for (std::size_t n = 0; n + 1 < line.size(); ++n) {
+            const Colour mean = mesh_.faces[line[n].after].mean;
+            for (int x = (line[n].pixel + kCoarse - 1) / kCoarse * kCoarse; x < line[n + 1].pixel; x += kCoarse)
+                if (distance2(image_.colour_of(row + 3 * x), mean) > gate2_) places.push_back(x);
+        }
+    }
+
+    void look_closely(int y, const std::vector<int>& places) {
+        const auto line = crossings_.rows().line(y);
+        const std::uint8_t* row = image_.row(y);
+        std::size_t n = 0;
+        for (int place : places)
+            for (int x = std::max(0, place - 1); x <= std::min(place + 1, mesh_.width - 1); ++x) {
+                while (line[n + 1].pixel <= x) ++n;
+                if (distance2(image_.colour_of(row + 3 * x), mesh_.faces[line[n].after].mean) > gate2_)
+                    far_.add(y * mesh_.width + x);
+            }
+    }
+
+    const Mesh& mesh_;
+    const Crossings& crossings_;
+    const Image& image_;
+    float gate2_;
+    PixelSet far_;
+};
 
 // Gives the chosen pixels new faces, one for each host face and square of the image.
 int cut_squares(Mesh& mesh, std::vector<int>& labels, const std::vector<int>& pixels, int square_px,
@@ -81,55 +134,32 @@ int cut_squares(Mesh& mesh, std::vector<int>& labels, const std::vector<int>& pi
 
 }  // namespace
 
-OffMap off_pixels(const Mesh& mesh, const Crossings& crossings, const Image& image, double gate) {
-    constexpr int kStep = OffMap::kStep;
-    const auto gate2 = static_cast<float>(gate * gate);
-    OffMap map;
-    map.width = (mesh.width + kStep - 1) / kStep;
-    map.height = (mesh.height + kStep - 1) / kStep;
-    std::vector<char> far(static_cast<std::size_t>(map.width) * map.height, 0);
-    for (int j = 0; j < map.height; ++j) {
-        const auto line = crossings.rows().line(j * kStep);
-        const std::uint8_t* row = image.row(j * kStep);
-        char* marks = far.data() + static_cast<std::size_t>(j) * map.width;
-        for (std::size_t n = 0; n + 1 < line.size(); ++n) {
-            const Colour mean = mesh.faces[line[n].after].mean;
-            const int last = (line[n + 1].pixel + kStep - 1) / kStep;
-            for (int i = (line[n].pixel + kStep - 1) / kStep; i < last; ++i)
-                marks[i] = distance2(image.colour_of(row + 3 * kStep * i), mean) > gate2;
-        }
+PixelSet off_pixels(const Mesh& mesh, const Crossings& crossings, const Image& image, double gate) {
+    const PixelSet far = FarSearch(mesh, crossings, image, gate).run();
+    const int width = mesh.width, height = mesh.height;
+    PixelSet off(width, height);
+    for (int k : far.list()) {
+        const int x = k % width, y = k / width;
+        if (x == 0 || y == 0 || x + 1 == width || y + 1 == height) continue;
+        int votes = 0;
+        for (int dy = -1; dy <= 1; ++dy)
+            for (int dx = -1; dx <= 1; ++dx) votes += far.has(k + dy * width + dx);
+        if (votes >= 5) off.add(k);
     }
-    map.off.assign(far.size(), 0);
-    for (int j = 1; j + 1 < map.height; ++j) {
-        const auto begin = far.begin() + static_cast<std::ptrdiff_t>(j) * map.width, last = begin + map.width - 1;
-        for (auto next = std::find(begin + 1, last, 1); next != last; next = std::find(next + 1, last, 1)) {
-            int votes = 0;
-            for (int dy = -1; dy <= 1; ++dy)
-                for (int dx = -1; dx <= 1; ++dx) votes += *(next + dy * map.width + dx);
-            map.off[next - far.begin()] = votes >= 5;
-        }
-    }
-    return map;
+    return off;
 }
 
-std::vector<int> new_off_pixels(const Mesh& mesh, const OffMap& off, const OffMap& known) {
-    constexpr int kStep = OffMap::kStep;
+std::vector<int> new_off_pixels(const PixelSet& off, const PixelSet& known) {
     const BlobList list = find_blobs(off);
-    std::vector<int> pixels;
+    std::vector<int> chosen;
     for (const Blob& blob : list.blobs) {
         const int size = blob.last - blob.first;
         if (size < kSmallestBlob) continue;
-        const auto begin = list.samples.begin() + blob.first, end = list.samples.begin() + blob.last;
-        const auto covered =
-            known.off.empty() ? 0 : std::count_if(begin, end, [&](int k) { return is_near_off(known, k); });
-        if (2 * covered >= size) continue;
-        for (auto k = begin; k != end; ++k) {
-            const int x0 = *k % off.width * kStep, y0 = *k / off.width * kStep;
-            for (int y = y0; y < std::min(y0 + kStep, mesh.height); ++y)
-                for (int x = x0; x < std::min(x0 + kStep, mesh.width); ++x) pixels.push_back(y * mesh.width + x);
-        }
+        const auto begin = list.pixels.begin() + blob.first, end = list.pixels.begin() + blob.last;
+        const auto covered = std::count_if(begin, end, [&](int k) { return is_near(known, k); });
+        if (2 * covered < size) chosen.insert(chosen.end(), begin, end);
     }
-    return pixels;
+    return chosen;
 }
 
 int fragment_faces(Mesh& mesh, std::vector<int>& labels, const std::vector<int>& pixels, int square_px) {

@@ -9,20 +9,39 @@
 
 namespace rbdn {
 
-// Which pixels are off, looked at on every second pixel of every second row: news is larger than that.
-struct OffMap {
-    static constexpr int kStep = 2;
-    int width = 0;  // of the map
-    int height = 0;
-    std::vector<char> off;  // 1 where the pixel and most of its neighbours are far from their face's mean
+// Some of an image's pixels.
+class PixelSet {
+public:
+    PixelSet() = default;
+    PixelSet(int width, int height)
+        : width_(width), height_(height), has_(static_cast<std::size_t>(width) * height, 0) {}
+
+    int width() const { return width_; }
+    int height() const { return height_; }
+    bool empty() const { return list_.empty(); }
+    bool has(int pixel) const { return has_[pixel] != 0; }
+    const std::vector<int>& list() const { return list_; }
+
+    void add(int pixel) {
+        if (has_[pixel]) return;
+        has_[pixel] = 1;
+        list_.push_back(pixel);
+    }
+
+private:
+    int width_ = 0;
+    int height_ = 0;
+    std::vector<char> has_;
+    std::vector<int> list_;
 };
 
-// `gate` is the distance, in working units, beyond which a pixel is far.
-OffMap off_pixels(const Mesh& mesh, const Crossings& crossings, const Image& image, double gate);
+// Pixels farther than `gate`, in working units, from their face's mean, as most of their neighbours are. Only where
+// every second pixel of every second row finds something are the others looked at.
+PixelSet off_pixels(const Mesh& mesh, const Crossings& crossings, const Image& image, double gate);
 
 // Pixels of the blobs that are news: large enough, and not mostly off in the last frame already (`known`), which
 // would be shading.
-std::vector<int> new_off_pixels(const Mesh& mesh, const OffMap& off, const OffMap& known);
+std::vector<int> new_off_pixels(const PixelSet& off, const PixelSet& known);
 
 // Cuts pixels out of their faces into faces of their own, in squares, so that the deformation can regroup them.
 // Returns how many faces were made.

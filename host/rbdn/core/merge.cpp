@@ -10,6 +10,34 @@ namespace rbdn {
 
 namespace {
 
+// Size of a face by its edges; the means look at a part of its pixels only.
+struct Outline {
+    double area_px = 0;
+    double length_px = 0;
+};
+
+std::vector<Outline> measure_outlines(const Mesh& mesh) {
+    std::vector<Outline> outlines(mesh.faces.size());
+    for (const Edge& e : mesh.edges) {
+        const double size = mesh.edge_length(e);
+        // Shoelace; a face on the left is walked anticlockwise on the screen.
+        const double swept = -0.5 * cross(mesh.vertices[e.a].p, mesh.vertices[e.b].p);
+        if (e.left >= 0) {
+            outlines[e.left].area_px += swept;
+            outlines[e.left].length_px += size;
+        }
+        if (e.right >= 0) {
+            outlines[e.right].area_px -= swept;
+            outlines[e.right].length_px += size;
+        }
+    }
+    return outlines;
+}
+
+bool is_insignificant(const Outline& outline, const MergeRule& rule) {
+    return outline.area_px < rule.min_area_px || 2.0 * outline.area_px < rule.min_width_px * outline.length_px;
+}
+
 // Length of the border that a face shares with each of its neighbours.
 class Neighbours {
 public:
@@ -42,7 +70,7 @@ class FaceGraph {
 public:
     explicit FaceGraph(const Mesh& mesh)
         : root_(mesh.faces.size()), sum_(mesh.faces.size()), mean_(mesh.faces.size()),
-          neighbours_(mesh.faces.size()), perimeter_(mesh.faces.size(), 0.0), version_(mesh.faces.size(), 0),
+          neighbours_(mesh.faces.size()), outline_(measure_outlines(mesh)), version_(mesh.faces.size(), 0),
           alive_(mesh.faces.size(), 0) {
         for (std::size_t k = 0; k < mesh.faces.size(); ++k) {
             root_[k] = static_cast<int>(k);
@@ -50,13 +78,10 @@ public:
             mean_[k] = mesh.faces[k].mean;
         }
         for (const Edge& e : mesh.edges) {
-            const double size = mesh.edge_length(e);
-            for (int face : {e.left, e.right}) {
-                if (face < 0) continue;
-                perimeter_[face] += size;
-                alive_[face] = 1;
-            }
+            for (int face : {e.left, e.right})
+                if (face >= 0) alive_[face] = 1;
             if (!e.on_border() && e.left != e.right) {
+                const double size = mesh.edge_length(e);
                 neighbours_[e.left].shared_with(e.right) += size;
                 neighbours_[e.right].shared_with(e.left) += size;
             }
@@ -67,8 +92,7 @@ public:
     bool alive(int face) const { return alive_[face] != 0; }
     int version(int face) const { return version_[face]; }
     const Neighbours& neighbours(int face) const { return neighbours_[face]; }
-    double area(int face) const { return static_cast<double>(sum_[face].count); }
-    double width(int face) const { return perimeter_[face] > 0 ? 2.0 * area(face) / perimeter_[face] : 0.0; }
+    const Outline& outline(int face) const { return outline_[face]; }
 
     double colour_distance2(int a, int b) const { return distance2(mean_[a], mean_[b]); }
 
@@ -79,9 +103,10 @@ public:
 
     // The larger face survives; returns it.
     int merge(int a, int b) {
-        const int kept = sum_[a].count >= sum_[b].count ? a : b;
+        const int kept = outline_[a].area_px >= outline_[b].area_px ? a : b;
         const int gone = kept == a ? b : a;
-        perimeter_[kept] += perimeter_[gone] - 2.0 * neighbours_[kept].shared_with(gone);
+        outline_[kept].area_px += outline_[gone].area_px;
+        outline_[kept].length_px += outline_[gone].length_px - 2.0 * neighbours_[kept].shared_with(gone);
         neighbours_[kept].erase(gone);
         for (const auto& [other, shared] : neighbours_[gone]) {
             neighbours_[other].erase(gone);
@@ -90,7 +115,7 @@ public:
             neighbours_[other].shared_with(kept) += shared;
         }
         neighbours_[gone].clear();
-        // A face too small to hold a pixel centre has no colour to contribute.
+        // A face too small to hold a pixel that counts has no colour to contribute.
         sum_[kept].add(sum_[gone]);
         if (sum_[kept].count > 0) mean_[kept] = sum_[kept].mean();
         root_[gone] = kept;
@@ -104,7 +129,7 @@ private:
     std::vector<ColourSum> sum_;
     std::vector<Colour> mean_;
     std::vector<Neighbours> neighbours_;
-    std::vector<double> perimeter_;
+    std::vector<Outline> outline_;
     std::vector<int> version_;
     std::vector<char> alive_;
 };
@@ -146,13 +171,11 @@ int merge_alike(FaceGraph& graph, double eta) {
 
 // Small and thin faces join the neighbour of the nearest colour, however far that is; smallest first.
 int merge_insignificant(FaceGraph& graph, const MergeRule& rule) {
-    const auto insignificant = [&](int face) {
-        return graph.area(face) < rule.min_area_px || graph.width(face) < rule.min_width_px;
-    };
+    const auto insignificant = [&](int face) { return is_insignificant(graph.outline(face), rule); };
     std::vector<int> order;
     for (int k = 0; k < graph.size(); ++k)
         if (graph.alive(k) && insignificant(k)) order.push_back(k);
-    std::stable_sort(order.begin(), order.end(), [&](int a, int b) { return graph.area(a) < graph.area(b); });
+    std::stable_sort(order.begin(), order.end(), [&](int a, int b) { return graph.outline(a).area_px < graph.outline(b).area_px; });
 
     int merged = 0;
     for (int face : order) {
@@ -169,21 +192,14 @@ int merge_insignificant(FaceGraph& graph, const MergeRule& rule) {
 
 // Is there a pair alike or a face insignificant? Mostly not, and then the graph need not be built.
 bool may_merge(const Mesh& mesh, const MergeRule& rule) {
-    std::vector<double> perimeter(mesh.faces.size(), 0.0);
     for (const Edge& e : mesh.edges) {
-        const double size = mesh.edge_length(e);
-        if (e.left >= 0) perimeter[e.left] += size;
-        if (e.right >= 0) perimeter[e.right] += size;
         if (e.on_border()) continue;
         if (e.left == e.right) return true;
         if (distance2(mesh.faces[e.left].mean, mesh.faces[e.right].mean) <= rule.eta * rule.eta) return true;
     }
-    for (std::size_t k = 0; k < perimeter.size(); ++k) {
-        const auto area = static_cast<double>(mesh.faces[k].sum.count);
-        if (perimeter[k] <= 0) continue;
-        if (area < rule.min_area_px || 2.0 * area / perimeter[k] < rule.min_width_px) return true;
-    }
-    return false;
+    const std::vector<Outline> outlines = measure_outlines(mesh);
+    return std::any_of(outlines.begin(), outlines.end(),
+                       [&](const Outline& o) { return o.length_px > 0 && is_insignificant(o, rule); });
 }
 
 }  // namespace

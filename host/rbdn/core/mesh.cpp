@@ -194,7 +194,7 @@ void Mesh::compact() {
     rebuild_spokes();
 }
 
-void Mesh::compact_faces() {
+bool Mesh::compact_faces() {
     std::vector<int> place(faces.size(), -1);
     for (const Edge& e : edges) {
         if (e.left >= 0) place[e.left] = 0;
@@ -207,11 +207,13 @@ void Mesh::compact_faces() {
         faces[kept] = faces[k];
         ++kept;
     }
+    if (kept == static_cast<int>(faces.size())) return false;
     faces.resize(kept);
     for (Edge& e : edges) {
         if (e.left >= 0) e.left = place[e.left];
         if (e.right >= 0) e.right = place[e.right];
     }
+    return true;
 }
 
 Fan fan_at(const Mesh& mesh, int vertex) {

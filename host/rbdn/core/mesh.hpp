@@ -100,8 +100,8 @@ public:
     // Drops edges with one face on both sides, dead edges, and vertices without edges; renumbers.
     void compact();
 
-    // Drops faces without edges; renumbers.
-    void compact_faces();
+    // Drops faces without edges; returns whether that renumbered any.
+    bool compact_faces();
 
     // Vertices around which neighbouring edges disagree about the face between them.
     std::vector<int> vertices_with_torn_wedges() const;

@@ -18,12 +18,15 @@ constexpr int kMaintenancePeriod = 3;
 constexpr int kFullGainCycles = 6;
 constexpr double kLateGain = 0.5;
 constexpr double kOffGate = 1.6;      // eta; farther than this from its face, a pixel is off
+constexpr int kStartMeanRows = 1;     // means are taken over every so many rows; squares need all of theirs
+constexpr int kTrackMeanRows = 4;
 constexpr int kFragmentations = 2;    // per frame
 
 }  // namespace
 
 void Tracker::track(const std::uint8_t* lab, int width, int height, const std::vector<int>& source) {
-    image_.load(lab, width, height, 1);
+    image_.load(lab, width, height, frames_ == 0 ? kStartMeanRows : kTrackMeanRows);
+    means_version_ = disparity_version_ = off_version_ = kNone;
     cycles_ = 0;
     for (Vertex& v : mesh_.vertices) v.fresh = false;
     for (Edge& e : mesh_.edges) e.settled = false;
@@ -51,9 +54,9 @@ void Tracker::start() {
 void Tracker::follow(const std::vector<int>& source) {
     if (!source.empty()) {
         labels_ = turn_labels(mesh_, labels_, source, config_.square_px);
-        known_off_ = OffMap{};
+        known_off_ = PixelSet{};
         vectorise(mesh_, crossings_, labels_);
-        split_faces(mesh_);
+        split();
         update_means();
         merge();
     } else if (config_.refresh_frames > 0 && frames_ % config_.refresh_frames == 0) {
@@ -67,15 +70,11 @@ void Tracker::follow(const std::vector<int>& source) {
 
 void Tracker::finish() {
     merge();
-    split_faces(mesh_);
+    if (split() > 0) merge();
     update_means();
-    merge();
-    mesh_.compact();
-    mesh_.compact_faces();
-    crossings_.build(mesh_);
-    update_means();
+    known_off_ = off();
+    if (mesh_.compact_faces()) crossings_.build(mesh_);
     crossings_.face_of_pixels(mesh_, labels_);
-    known_off_ = off_pixels(mesh_, crossings_, image_, kOffGate * eta());
     const double units = Image::kUnitsPerLab;
     regions_ = grouping_.update(mesh_, image_, labels_,
                                 {config_.group_step * units, config_.keep_step * units});
@@ -87,7 +86,7 @@ void Tracker::deform(int reach_px, int most_cycles, bool keep_means) {
     for (int cycle = 0; cycle < most_cycles; ++cycle) {
         ++cycles_;
         if (cycle > 0 || !keep_means) update_means();
-        const std::vector<Disparity> d = disparity(reach_px);
+        const std::vector<Disparity>& d = disparity(reach_px);
         const double total = total_disparity(d);
         waiting = total < kProgress * best ? 0 : waiting + 1;
         best = std::min(best, total);
@@ -113,19 +112,24 @@ int Tracker::maintain(int reach_px) {
     const auto apply = [&](const Operation& operation) {
         changes += transact(mesh_, crossings_, saved_, operation);
     };
-    const std::vector<Disparity> d = disparity(reach_px);
+    const std::vector<Disparity>& d = disparity(reach_px);
     apply([&](Mesh& mesh, const Spared& spared) { return insert_vertices(mesh, d, spared); });
     apply(delete_vertices);
     apply(zip_thorns);
     apply(snap_contacts);
     apply(snap_to_border);
+    const int pieces = split();
+    if (pieces > 0) changes += pieces + merge();
+    return changes;
+}
+
+int Tracker::split() {
     const int pieces = split_faces(mesh_);
     if (pieces > 0) {
         crossings_.build(mesh_);
         update_means();
-        changes += pieces + merge();
     }
-    return changes;
+    return pieces;
 }
 
 int Tracker::merge() {
@@ -138,6 +142,9 @@ int Tracker::merge() {
 }
 
 void Tracker::update_means() {
+    if (means_version_ == crossings_.version()) return;
+    means_version_ = crossings_.version();
+    disparity_version_ = off_version_ = kNone;
     const std::vector<ColourSum> sums = crossings_.face_sums(mesh_, image_);
     for (std::size_t k = 0; k < mesh_.faces.size(); ++k) {
         mesh_.faces[k].sum = sums[k];
@@ -148,22 +155,33 @@ void Tracker::update_means() {
 // Fragmentation (section 3): what does not fit its polygon becomes small squares, and the deformation regroups them.
 void Tracker::cut_out_news() {
     update_means();
-    const OffMap off = off_pixels(mesh_, crossings_, image_, kOffGate * eta());
-    const std::vector<int> news = new_off_pixels(mesh_, off, known_off_);
+    const std::vector<int> news = new_off_pixels(off(), known_off_);
     if (news.empty()) return;
     crossings_.face_of_pixels(mesh_, labels_);
     if (fragment_faces(mesh_, labels_, news, config_.square_px) == 0) return;
     vectorise(mesh_, crossings_, labels_);
-    split_faces(mesh_);
-    crossings_.build(mesh_);
+    split();
     update_means();
     merge();
     deform(config_.start_reach_px, config_.track_cycles, false);
 }
 
-std::vector<Disparity> Tracker::disparity(int reach_px) const {
-    const auto eta_units = static_cast<float>(eta());
-    return measure_disparity(mesh_, crossings_, image_, {eta_units * eta_units}, reach_px);
+const std::vector<Disparity>& Tracker::disparity(int reach_px) {
+    if (disparity_version_ != crossings_.version() || disparity_reach_px_ != reach_px) {
+        const auto eta_units = static_cast<float>(eta());
+        disparity_ = measure_disparity(mesh_, crossings_, image_, {eta_units * eta_units}, reach_px);
+        disparity_version_ = crossings_.version();
+        disparity_reach_px_ = reach_px;
+    }
+    return disparity_;
+}
+
+const PixelSet& Tracker::off() {
+    if (off_version_ != crossings_.version()) {
+        off_ = off_pixels(mesh_, crossings_, image_, kOffGate * eta());
+        off_version_ = crossings_.version();
+    }
+    return off_;
 }
 
 }  // namespace rbdn

@@ -40,9 +40,11 @@ private:
     void deform(int reach_px, int most_cycles, bool keep_means);
     int maintain(int reach_px);
     int merge();
+    int split();
     void update_means();
     void cut_out_news();
-    std::vector<Disparity> disparity(int reach_px) const;
+    const std::vector<Disparity>& disparity(int reach_px);
+    const PixelSet& off();
     double eta() const { return config_.merge_distance * Image::kUnitsPerLab; }
 
     Config config_;
@@ -53,7 +55,17 @@ private:
     RegionGrouping grouping_;
     RegionSet regions_;
     std::vector<int> labels_;
-    OffMap known_off_;  // left over from the last frame
+    PixelSet known_off_;  // off-pixels left over from the last frame
+
+    // Derived from image, mesh and crossings; good while the version of the crossings is the one beside them.
+    static constexpr int kNone = -1;
+    int means_version_ = kNone;
+    std::vector<Disparity> disparity_;
+    int disparity_version_ = kNone;
+    int disparity_reach_px_ = 0;
+    PixelSet off_;
+    int off_version_ = kNone;
+
     int frames_ = 0;
     int cycles_ = 0;
 };
