@@ -101,10 +101,16 @@ private:
         }
         std::vector<double> rgb(3 * static_cast<std::size_t>(count), 0.0), pixels(count, 0.0);
         const std::vector<int>& labels = tracker_.labels();
-        for (std::size_t k = 0; k < labels.size(); ++k) {
-            const int r = regions.of_face[labels[k]];
-            for (int c = 0; c < 3; ++c) rgb[3 * r + c] += bgr.data()[3 * k + 2 - c];
-            pixels[r] += 1.0;
+        for (std::size_t k = 0; k < labels.size();) {
+            // Run by run, which is many times as fast as looking the region up at every pixel.
+            const int face = labels[k];
+            const std::size_t start = k;
+            std::int64_t sum[3] = {0, 0, 0};
+            for (; k < labels.size() && labels[k] == face; ++k)
+                for (int c = 0; c < 3; ++c) sum[c] += bgr.data()[3 * k + 2 - c];
+            const int r = regions.of_face[face];
+            for (int c = 0; c < 3; ++c) rgb[3 * r + c] += static_cast<double>(sum[c]);
+            pixels[r] += static_cast<double>(k - start);
         }
         for (int r = 0; r < count; ++r)
             for (int c = 0; c < 3; ++c) rgb[3 * r + c] /= std::max(pixels[r], 1.0);

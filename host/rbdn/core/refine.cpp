@@ -11,6 +11,8 @@ namespace {
 
 constexpr double kBand = 3.0;         // half width of the band that holds the blurred step, px
 constexpr double kTap = 0.5;          // sampling along the normal, px
+constexpr int kHalfTaps = 6;          // kBand / kTap
+constexpr int kTaps = 2 * kHalfTaps + 1;
 constexpr int kSideTaps = 4;          // samples of each side's own colour, beyond the band, 1 px apart
 constexpr int kMeanReach = 6;         // neighbouring profiles that share the sides' colours
 constexpr double kWeakContrast = 0.02;  // in linear light, 1 = white
@@ -29,7 +31,7 @@ double dot3(const Rgb& a, const Rgb& b) { return a[0] * b[0] + a[1] * b[1] + a[2
 struct Profile {
     double s;  // distance from end a, px
     bool usable = false;
-    std::vector<Rgb> band;   // from the right side to the left one
+    std::array<Rgb, kTaps> band;  // from the right side to the left one
     Rgb left_sum{}, right_sum{};
     int left_count = 0, right_count = 0;
     double offset = 0;   // of the step from the edge, towards the left, px
@@ -93,14 +95,15 @@ private:
         Profile profile;
         profile.s = s;
         const int left = region(e.left), right = region(e.right);
-        const int half = static_cast<int>(kBand / kTap);
-        for (int k = -half; k <= half; ++k) {
-            const Vec2 p = centre + (k * kTap) * normal;
-            if (!inside(p)) return profile;
-            const int owner = region_at(p);
+        const Vec2 reach = kBand * normal;
+        if (!inside(centre + reach) || !inside(centre - reach)) return profile;
+        for (int k = 0; k < kTaps; ++k) {
+            const int owner = region_at(centre + ((k - kHalfTaps) * kTap) * normal);
             if (owner != left && owner != right) return profile;
-            const auto c = image_.at(p);
-            profile.band.push_back({c[0], c[1], c[2]});
+        }
+        for (int k = 0; k < kTaps; ++k) {
+            const auto c = image_.at(centre + ((k - kHalfTaps) * kTap) * normal);
+            profile.band[k] = {c[0], c[1], c[2]};
         }
         for (int k = 0; k < kSideTaps; ++k) {
             const double d = kBand + 0.5 + k;
@@ -121,7 +124,7 @@ private:
     // does not push it to one side.
     static void locate_step(std::vector<Profile>& profiles, std::size_t index) {
         Profile& profile = profiles[index];
-        Rgb left{}, right{};
+        Rgb left{}, right{}, d{};
         int left_count = 0, right_count = 0;
         const std::size_t low = index >= kMeanReach ? index - kMeanReach : 0;
         const std::size_t high = std::min(profiles.size(), index + kMeanReach + 1);
@@ -135,7 +138,6 @@ private:
         }
         profile.usable = false;
         if (left_count < 4 || right_count < 4) return;
-        Rgb d{};
         for (int i = 0; i < 3; ++i) {
             left[i] /= left_count;
             right[i] /= right_count;
@@ -311,17 +313,17 @@ private:
 
 }  // namespace
 
-void LinearImage::load(const std::uint8_t* bgr, int width, int height) {
-    width_ = width;
-    height_ = height;
-    pixels_.resize(static_cast<std::size_t>(width) * height);
-    std::array<float, 256> linear{};
+LinearImage::LinearImage() {
     for (int v = 0; v < 256; ++v) {
         const double s = v / 255.0;
-        linear[v] = static_cast<float>(s <= 0.04045 ? s / 12.92 : std::pow((s + 0.055) / 1.055, 2.4));
+        linear_[v] = static_cast<float>(s <= 0.04045 ? s / 12.92 : std::pow((s + 0.055) / 1.055, 2.4));
     }
-    for (std::size_t k = 0; k < pixels_.size(); ++k)
-        pixels_[k] = {linear[bgr[3 * k + 2]], linear[bgr[3 * k + 1]], linear[bgr[3 * k]]};
+}
+
+void LinearImage::load(const std::uint8_t* bgr, int width, int height) {
+    bgr_ = bgr;
+    width_ = width;
+    height_ = height;
 }
 
 std::array<float, 3> LinearImage::at(Vec2 p) const {
@@ -329,11 +331,14 @@ std::array<float, 3> LinearImage::at(Vec2 p) const {
     const int x0 = std::clamp(floor_px(x), 0, width_ - 2);
     const int y0 = std::clamp(floor_px(y), 0, height_ - 2);
     const auto u = static_cast<float>(x - x0), v = static_cast<float>(y - y0);
-    const auto* row = &pixels_[static_cast<std::size_t>(y0) * width_ + x0];
-    const auto* below = row + width_;
+    const std::uint8_t* row = bgr_ + 3 * (static_cast<std::size_t>(y0) * width_ + x0);
+    const std::uint8_t* below = row + 3 * width_;
     std::array<float, 3> out{};
-    for (int k = 0; k < 3; ++k)
-        out[k] = (1 - v) * ((1 - u) * row[0][k] + u * row[1][k]) + v * ((1 - u) * below[0][k] + u * below[1][k]);
+    for (int k = 0; k < 3; ++k) {
+        const int c = 2 - k;
+        out[k] = (1 - v) * ((1 - u) * linear_[row[c]] + u * linear_[row[3 + c]]) +
+                 v * ((1 - u) * linear_[below[c]] + u * linear_[below[3 + c]]);
+    }
     return out;
 }
 

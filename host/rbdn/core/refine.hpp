@@ -13,18 +13,19 @@ namespace rbdn {
 // An image in linear light, where a pixel on an edge is the true mixture of its two sides.
 class LinearImage {
 public:
-    // `bgr` is (height, width, 3), sRGB.
+    LinearImage();
+
+    // `bgr` is (height, width, 3), sRGB; it is not copied and must outlive the use of the image.
     void load(const std::uint8_t* bgr, int width, int height);
 
-    int width() const { return width_; }
-    int height() const { return height_; }
-    // Bilinear; p must lie at least half a pixel inside the image.
+    // Red, green, blue; bilinear. p must lie at least half a pixel inside the image.
     std::array<float, 3> at(Vec2 p) const;
 
 private:
+    const std::uint8_t* bgr_ = nullptr;
     int width_ = 0;
     int height_ = 0;
-    std::vector<std::array<float, 3>> pixels_;
+    std::array<float, 256> linear_{};
 };
 
 // One measured point of an outline.
