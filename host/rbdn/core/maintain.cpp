@@ -5,6 +5,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "near.hpp"
 #include "planarity.hpp"
 
 namespace rbdn {
@@ -22,20 +23,6 @@ bool may_touch(const Mesh& mesh, int v, const Spared& spared) {
     return !mesh.vertices[v].dead && !spared.contains(mesh.vertices[v].id);
 }
 
-// No vertex of the net lies in the triangle a move would sweep.
-bool triangle_is_empty(const Mesh& mesh, int a, int b, int c) {
-    const Vec2 pa = mesh.vertices[a].p, pb = mesh.vertices[b].p, pc = mesh.vertices[c].p;
-    const double x0 = std::min({pa.x, pb.x, pc.x}), x1 = std::max({pa.x, pb.x, pc.x});
-    const double y0 = std::min({pa.y, pb.y, pc.y}), y1 = std::max({pa.y, pb.y, pc.y});
-    for (int k = 0; k < static_cast<int>(mesh.vertices.size()); ++k) {
-        if (k == a || k == b || k == c || mesh.vertices[k].dead) continue;
-        const Vec2 p = mesh.vertices[k].p;
-        if (p.x < x0 || p.x > x1 || p.y < y0 || p.y > y1) continue;
-        if (inside_triangle(p, pa, pb, pc)) return false;
-    }
-    return true;
-}
-
 bool are_joined(const Mesh& mesh, int a, int b) {
     return std::any_of(mesh.spokes[a].begin(), mesh.spokes[a].end(),
                        [&](int e) { return mesh.edges[e].other_end(a) == b; });
@@ -44,7 +31,7 @@ bool are_joined(const Mesh& mesh, int a, int b) {
 bool same_side(const Mesh& mesh, int a, int b) { return mesh.vertices[a].sides & mesh.vertices[b].sides; }
 
 // Removes a vertex of degree two by joining its neighbours.
-bool drop_flat_vertex(Mesh& mesh, int v, const Spared& spared) {
+bool drop_flat_vertex(Mesh& mesh, int v, const NearVertices& near, const Spared& spared) {
     if (mesh.degree(v) != 2 || mesh.is_corner(v)) return false;
     const int first = mesh.spokes[v].edge[0], second = mesh.spokes[v].edge[1];
     const int a = mesh.edges[first].other_end(v), b = mesh.edges[second].other_end(v);
@@ -56,7 +43,7 @@ bool drop_flat_vertex(Mesh& mesh, int v, const Spared& spared) {
     const bool short_edge = std::min(length(pa - p), length(pb - p)) < kShortEdge;
     if (!flat && !short_edge) return false;
     if (mesh.vertices[v].sides ? !(same_side(mesh, a, v) && same_side(mesh, b, v)) : false) return false;
-    if (are_joined(mesh, a, b) || !triangle_is_empty(mesh, a, v, b)) return false;
+    if (are_joined(mesh, a, b) || !near.triangle_is_empty(a, v, b)) return false;
     const bool useless = flat && mesh.vertices[v].fresh;
     const int left = mesh.edges[first].left_from(a), right = mesh.edges[first].right_from(a);
     mesh.kill_edge(first);
@@ -68,7 +55,7 @@ bool drop_flat_vertex(Mesh& mesh, int v, const Spared& spared) {
 }
 
 // Contracts a short edge between two vertices that both matter.
-bool contract_short_edge(Mesh& mesh, int e, const Spared& spared) {
+bool contract_short_edge(Mesh& mesh, int e, NearVertices& near, const Spared& spared) {
     const Edge edge = mesh.edges[e];
     if (edge.dead || mesh.edge_length(edge) >= kShortEdge) return false;
     int gone = edge.a, kept = edge.b;
@@ -83,20 +70,23 @@ bool contract_short_edge(Mesh& mesh, int e, const Spared& spared) {
     for (int spoke : mesh.spokes[gone]) {
         const int far = mesh.edges[spoke].other_end(gone);
         if (far == kept) continue;
-        if (!may_touch(mesh, far, spared) || !triangle_is_empty(mesh, gone, far, kept)) return false;
+        if (!may_touch(mesh, far, spared) || !near.triangle_is_empty(gone, far, kept)) return false;
     }
     const bool both_free = !mesh.vertices[gone].sides && !mesh.vertices[kept].sides &&
                            mesh.degree(gone) == mesh.degree(kept);
     const Vec2 middle = 0.5 * (mesh.vertices[gone].p + mesh.vertices[kept].p);
     if (!mesh.merge_vertices(gone, kept)) return false;
-    if (both_free) mesh.vertices[kept].p = middle;
+    if (both_free) {
+        mesh.vertices[kept].p = middle;
+        near.add(kept);
+    }
     return true;
 }
 
 double angle_between(Vec2 a, Vec2 b) { return std::abs(std::atan2(cross(a, b), dot(a, b))); }
 
 // Closes the wedge between two neighbouring edges of a vertex, from the vertex to the end of the shorter edge.
-bool zip_wedge(Mesh& mesh, int v, int e1, int e2, int face, const Spared& spared) {
+bool zip_wedge(Mesh& mesh, int v, int e1, int e2, int face, const NearVertices& near, const Spared& spared) {
     int shorter = e1, longer = e2;
     if (mesh.edge_length(mesh.edges[shorter]) > mesh.edge_length(mesh.edges[longer])) std::swap(shorter, longer);
     const int a = mesh.edges[shorter].other_end(v), b = mesh.edges[longer].other_end(v);
@@ -108,7 +98,7 @@ bool zip_wedge(Mesh& mesh, int v, int e1, int e2, int face, const Spared& spared
     const double angle = angle_between(to_a, to_b);
     const double apart = std::abs(cross(to_a, to_b)) / length(to_b);
     if (!(angle < kThornAngle || (apart < 1.0 && std::sin(angle) < 0.8))) return false;
-    if (mesh.degree(a) >= kMaxDegree || are_joined(mesh, a, b) || !triangle_is_empty(mesh, v, a, b)) return false;
+    if (mesh.degree(a) >= kMaxDegree || are_joined(mesh, a, b) || !near.triangle_is_empty(v, a, b)) return false;
 
     // The wedge's face gives up the strip to the face beyond the longer edge.
     const int beyond = mesh.edges[longer].other_face(face);
@@ -139,35 +129,34 @@ bool is_near_border(const Mesh& mesh, int v) {
     return std::min({p.x, p.y, mesh.width - p.x, mesh.height - p.y}) < kTouch;
 }
 
-// Joins vertex v to edge e, which it touches.
-bool snap_vertex(Mesh& mesh, int v, int e, const Spared& spared) {
+// Joins vertex v to edge e, which it touches. Returns the vertex at the contact, or -1 where there is none.
+int snap_vertex(Mesh& mesh, int v, int e, const NearVertices& near, const Spared& spared) {
     const Edge edge = mesh.edges[e];
     const Vec2 p = mesh.vertices[v].p, pa = mesh.vertices[edge.a].p, pb = mesh.vertices[edge.b].p;
-    if (!may_touch(mesh, edge.a, spared) || !may_touch(mesh, edge.b, spared)) return false;
+    if (!may_touch(mesh, edge.a, spared) || !may_touch(mesh, edge.b, spared)) return -1;
     const double t = nearest_fraction(p, pa, pb);
     const Vec2 foot = pa + t * (pb - pa);
     const double gap = length(foot - p);
-    if (gap >= kTouch) return false;
+    if (gap >= kTouch) return -1;
     const Vec2 normal = left_normal(pb - pa);
     const int face = dot(p - foot, normal) > 0 ? edge.left : edge.right;
-    if (face == kOutside) return false;
-    if (gap > 1e-6 && face_towards(mesh, v, foot - p) != face) return false;
+    if (face == kOutside) return -1;
+    if (gap > 1e-6 && face_towards(mesh, v, foot - p) != face) return -1;
 
     const double to_a = length(p - pa), to_b = length(p - pb);
     if (std::min(to_a, to_b) < kNearEnd) {
-        const int near = to_a <= to_b ? edge.a : edge.b;
-        if (are_joined(mesh, v, near) || mesh.is_corner(near)) return false;
-        if (mesh.vertices[near].sides != 0) return false;
+        const int end = to_a <= to_b ? edge.a : edge.b;
+        if (are_joined(mesh, v, end) || mesh.is_corner(end)) return -1;
+        if (mesh.vertices[end].sides != 0) return -1;
         for (int spoke : mesh.spokes[v]) {
             const int far = mesh.edges[spoke].other_end(v);
-            if (!may_touch(mesh, far, spared) || !triangle_is_empty(mesh, v, far, near)) return false;
+            if (!may_touch(mesh, far, spared) || !near.triangle_is_empty(v, far, end)) return -1;
         }
-        if (!mesh.merge_vertices(v, near)) return false;
-    } else {
-        if (mesh.degree(v) + 2 > kMaxDegree || !triangle_is_empty(mesh, edge.a, v, edge.b)) return false;
-        mesh.split_edge(e, v);
+        return mesh.merge_vertices(v, end) ? end : -1;
     }
-    return true;
+    if (mesh.degree(v) + 2 > kMaxDegree || !near.triangle_is_empty(edge.a, v, edge.b)) return -1;
+    mesh.split_edge(e, v);
+    return v;
 }
 
 }  // namespace
@@ -232,16 +221,18 @@ int insert_vertices(Mesh& mesh, const std::vector<Disparity>& disparity, const S
 
 int delete_vertices(Mesh& mesh, const Spared& spared) {
     int gone = 0;
+    NearVertices near(mesh);
     for (int v = 0; v < static_cast<int>(mesh.vertices.size()); ++v)
-        if (may_touch(mesh, v, spared) && drop_flat_vertex(mesh, v, spared)) ++gone;
+        if (may_touch(mesh, v, spared) && drop_flat_vertex(mesh, v, near, spared)) ++gone;
     for (int e = 0; e < static_cast<int>(mesh.edges.size()); ++e)
-        if (contract_short_edge(mesh, e, spared)) ++gone;
+        if (contract_short_edge(mesh, e, near, spared)) ++gone;
     if (gone > 0) mesh.remove_doubled_edges();
     return gone;
 }
 
 int zip_thorns(Mesh& mesh, const Spared& spared) {
     int zipped = 0;
+    const NearVertices near(mesh);
     for (int v = 0; v < static_cast<int>(mesh.vertices.size()); ++v) {
         if (!may_touch(mesh, v, spared) || mesh.degree(v) < 2) continue;
         for (bool again = true; again;) {
@@ -251,7 +242,7 @@ int zip_thorns(Mesh& mesh, const Spared& spared) {
                 const int e1 = fan.edge[k], e2 = fan.edge[(k + 1) % fan.count];
                 const int face = mesh.edges[e1].right_from(v);
                 if (e1 == e2 || face == kOutside || mesh.edges[e2].left_from(v) != face) continue;
-                if (zip_wedge(mesh, v, e1, e2, face, spared)) {
+                if (zip_wedge(mesh, v, e1, e2, face, near, spared)) {
                     ++zipped;
                     again = mesh.degree(v) >= 2;
                     break;
@@ -264,20 +255,39 @@ int zip_thorns(Mesh& mesh, const Spared& spared) {
 }
 
 int snap_contacts(Mesh& mesh, const Spared& spared) {
+    const NearVertices near(mesh);
+    Buckets edges(mesh);
+    const auto file = [&](int e) {
+        const Vec2 a = mesh.vertices[mesh.edges[e].a].p, b = mesh.vertices[mesh.edges[e].b].p;
+        edges.add(e, {std::min(a.x, b.x) - kTouch, std::min(a.y, b.y) - kTouch},
+                  {std::max(a.x, b.x) + kTouch, std::max(a.y, b.y) + kTouch});
+    };
+    for (int e = 0; e < static_cast<int>(mesh.edges.size()); ++e)
+        if (!mesh.edges[e].on_border()) file(e);
+
     int snapped = 0;
+    std::vector<int> touching;
     for (int v = 0; v < static_cast<int>(mesh.vertices.size()); ++v) {
         if (!may_touch(mesh, v, spared) || mesh.vertices[v].sides != 0) continue;
-        for (int e = 0; e < static_cast<int>(mesh.edges.size()); ++e) {
+        const Vec2 p = mesh.vertices[v].p;
+        touching.clear();
+        edges.any_near(p, p, [&](int e) {
             const Edge& edge = mesh.edges[e];
-            if (edge.dead || edge.on_border() || edge.a == v || edge.b == v) continue;
-            const Vec2 p = mesh.vertices[v].p, a = mesh.vertices[edge.a].p, b = mesh.vertices[edge.b].p;
-            if (p.x < std::min(a.x, b.x) - kTouch || p.x > std::max(a.x, b.x) + kTouch ||
-                p.y < std::min(a.y, b.y) - kTouch || p.y > std::max(a.y, b.y) + kTouch)
-                continue;
-            if (snap_vertex(mesh, v, e, spared)) {
-                ++snapped;
-                break;
-            }
+            if (edge.dead || edge.a == v || edge.b == v) return false;
+            const Vec2 a = mesh.vertices[edge.a].p, b = mesh.vertices[edge.b].p;
+            if (p.x >= std::min(a.x, b.x) - kTouch && p.x <= std::max(a.x, b.x) + kTouch &&
+                p.y >= std::min(a.y, b.y) - kTouch && p.y <= std::max(a.y, b.y) + kTouch)
+                touching.push_back(e);
+            return false;
+        });
+        // Oldest edge first, whatever the order of the buckets.
+        std::sort(touching.begin(), touching.end());
+        for (int e : touching) {
+            const int contact = snap_vertex(mesh, v, e, near, spared);
+            if (contact < 0) continue;
+            for (int spoke : mesh.spokes[contact]) file(spoke);
+            ++snapped;
+            break;
         }
     }
     if (snapped > 0) mesh.remove_doubled_edges();
