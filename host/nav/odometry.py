@@ -16,11 +16,14 @@ from host.nav.config import BodyConfig
 from host.pose import Pose
 
 HISTORY_S = 1.0  # poses can be asked for this far back
+AHEAD_S = 0.1  # a pose may be asked for this long after the newest reading
 SAME_EDGE_S = 0.001  # an edge's time may shift by less than this as the clocks are compared anew
 REST_S = 0.25  # a wheel without an edge for this long, and four times its last period, stands
 START_EDGES = 8  # the start is over when a wheel has turned this far
+START_CELLS = 1.2  # wheels that differ by less than this many may have gone equally far
 EVEN_START = 0.1  # wheel speeds that differ by less than this part are a straight start
-MOVING_SIGMA_COUNTS = 0.06  # interpolation error of a turning wheel, against the simulated body
+EVEN_SIGMA_COUNTS = 0.01  # interpolation error of a wheel that turns evenly
+CHANGE_SIGMA_COUNTS = 0.25  # and for each unit by which the last two periods differ, relatively
 REST_SIGMA_COUNTS = 1 / math.sqrt(12)  # a standing wheel is anywhere within its cell
 
 
@@ -54,10 +57,12 @@ class Wheel:
         self._t = [t_s]  # knots: time, travel
         self._s = [0.0]
         self._resting = True  # the last knot says where the wheel stands, and moves on in time
+        self._heard_s = t_s  # up to here it is known that no further edge has come
         self.edges = 0
 
     def add(self, t_s: float, count: int, edge_s: float | None) -> None:
         """One reading; an edge without a count is the one known already, or there and back again."""
+        self._heard_s = t_s
         known = self._edge_s is not None and edge_s is not None and abs(edge_s - self._edge_s) < SAME_EDGE_S
         if edge_s is not None and (count != self._count or not known):
             self._add_edge(edge_s, count)
@@ -106,12 +111,16 @@ class Wheel:
         self._s[1:] = [s + cm for s in self._s[1:]]
 
     def travel(self, t_s: float) -> float:
-        """Travel at a time, cm; beyond the last edge the wheel goes on but does not reach the next one."""
+        """Travel at a time, cm; beyond the last edge it goes on, short of an edge that did not come."""
         if t_s >= self._t[-1]:
             if self._resting:
                 return self._s[-1]
-            u = self._speed() * (t_s - self._t[-1]) / self._cell
-            return self._s[-1] + self._sign * self._cell * (u if u <= 1 else 0.5 + 0.5 / u)
+            speed = self._speed() / self._cell  # cells a second
+            u = speed * (min(t_s, self._heard_s) - self._t[-1])
+            if u > 1:
+                speed, u = speed / u**2, 0.5 + 0.5 / u
+            u += speed * min(max(0.0, t_s - self._heard_s), AHEAD_S)
+            return self._s[-1] + self._sign * self._cell * u
         k = bisect_right(self._t, t_s)
         if k == 0:
             return self._s[0]
@@ -119,10 +128,15 @@ class Wheel:
         return self._s[k - 1] + part * (self._s[k] - self._s[k - 1])
 
     def sigma(self, t_s: float) -> float:
-        """Standard error of the travel within its cell, cm."""
+        """Standard error of the travel within its cell, cm; small before it first moves, as that is 0."""
+        if self.edges == 0:
+            return self._cell * EVEN_SIGMA_COUNTS
         late = t_s > self._t[-1] + 2 * self._cell / max(self._speed(), 1e-9)
-        standing = self._resting or late
-        return self._cell * (REST_SIGMA_COUNTS if standing else MOVING_SIGMA_COUNTS)
+        if self._resting or late or len(self._t) < 3:
+            return self._cell * REST_SIGMA_COUNTS
+        last, before = self._t[-1] - self._t[-2], self._t[-2] - self._t[-3]
+        change = abs(last - before) / max(last, before)
+        return self._cell * min(REST_SIGMA_COUNTS, EVEN_SIGMA_COUNTS + CHANGE_SIGMA_COUNTS * change)
 
     def knots(self, t0: float, t1: float) -> list[float]:
         return self._t[bisect_right(self._t, t0) : bisect_right(self._t, t1)]
@@ -210,14 +224,22 @@ class Odometry:
         left, right = self._left, self._right
         assert left is not None and right is not None
         times = [t0, *sorted({*left.knots(t0, t_s), *right.knots(t0, t_s)} - {t0}), t_s]
-        s_left, s_right = left.travel(t0), right.travel(t0)
+        s_left, s_right = self._travels(t0)
         for t in times[1:]:
-            now_left, now_right = left.travel(t), right.travel(t)
+            now_left, now_right = self._travels(t)
             x, z, heading = advance(
                 x, z, heading, now_left - s_left, now_right - s_right, self._body.track_cm
             )
             s_left, s_right = now_left, now_right
         return x, z, heading
+
+    def _travels(self, t_s: float) -> tuple[float, float]:
+        """Travel of both wheels; equal for a straight start, until the phases are known."""
+        assert self._left is not None and self._right is not None
+        left, right = self._left.travel(t_s), self._right.travel(t_s)
+        if not self._phase_known and abs(left - right) < START_CELLS * self._body.cm_per_count:
+            return (left + right) / 2, (left + right) / 2
+        return left, right
 
     def pose_at(self, t_s: float) -> Pose:
         """Pose of the camera at a time between one second before the newest reading and shortly after it.

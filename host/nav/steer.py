@@ -19,8 +19,9 @@ from host.nav.plan import Room, Way, find_way, room_around, tightest
 from host.pose import Pose
 
 PLAN_EVERY_S = 0.5
-TURN_FROM_RAD = math.radians(12)  # off the aim by more than this: turn in place
+TURN_FROM_RAD = math.radians(18)  # off the aim by more than this: turn in place
 TURN_TO_RAD = math.radians(2.5)
+SLOWEST_TURN_RAD_S = 0.35  # slower turns stick, and their edges come too far apart to tell the heading
 BEND_RAD_S = 0.25  # most a straight piece may bend
 FIRST_CM = 5.0  # straight ahead before anything else: nothing has a depth yet
 FIRST_ROOM_CM = 20.0  # if there is this much room
@@ -144,7 +145,7 @@ def decide(
         why = look_ahead(obstacle_map, x, z, heading)
         because = f", {why.obstacle} is in the way" if why.obstacle and why.room_cm < 60 else ""
         side = "right" if error > 0 else "left"
-        omega = math.copysign(min(config.turn_rad_s, max(0.15, 1.5 * abs(error))), error)
+        omega = math.copysign(min(config.turn_rad_s, max(SLOWEST_TURN_RAD_S, 1.5 * abs(error))), error)
         reason = f"turn {side} by {abs(math.degrees(error)):.0f} deg towards the aim{because}"
         return Command(0.0, omega, reason), replace(plan, piece_from=None)
 
@@ -155,6 +156,7 @@ def decide(
     if v == 0.0:  # the plan must lead elsewhere
         return Command(0.0, 0.0, reason), replace(plan, piece_from=None, made_s=-math.inf, aim=None)
     omega = max(-BEND_RAD_S, min(BEND_RAD_S, 1.0 * error))
+    v *= 1 - 0.7 * min(1.0, abs(error) / TURN_FROM_RAD)  # so that the bend stays near the line
     return Command(10 * v, omega, reason), plan
 
 
