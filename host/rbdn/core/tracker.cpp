@@ -11,8 +11,8 @@ namespace rbdn {
 
 namespace {
 
-constexpr double kQuiet = 0.3;       // px; the paper's stop by displacement
-constexpr int kPatience = 6;          // cycles without progress before giving up: hard counts jitter for ever
+constexpr double kQuiet = 0.7;        // px; the paper's stop by displacement
+constexpr int kPatience = 4;          // cycles without progress before giving up: hard counts jitter for ever
 constexpr double kProgress = 0.97;
 constexpr int kMaintenancePeriod = 3;
 constexpr int kFullGainCycles = 6;
@@ -21,6 +21,7 @@ constexpr double kOffGate = 1.6;      // eta; farther than this from its face, a
 constexpr int kStartMeanRows = 1;     // means are taken over every so many rows; squares need all of theirs
 constexpr int kTrackMeanRows = 4;
 constexpr int kFragmentations = 2;    // per frame
+constexpr int kRegroupCycles = 8;     // after each
 
 }  // namespace
 
@@ -163,7 +164,7 @@ void Tracker::cut_out_news() {
     split();
     update_means();
     merge();
-    deform(config_.start_reach_px, config_.track_cycles, false);
+    deform(config_.start_reach_px, kRegroupCycles, false);
 }
 
 const std::vector<Disparity>& Tracker::disparity(int reach_px) {
