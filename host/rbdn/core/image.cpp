@@ -38,7 +38,11 @@ void Image::load(const std::uint8_t* lab, int width, int height, int row_step) {
     width_ = width;
     height_ = height;
     row_step_ = row_step;
-    prefix_.resize(static_cast<std::size_t>(width + 1) * ((height + row_step - 1) / row_step));
+    const std::size_t needed = static_cast<std::size_t>(width + 1) * ((height + row_step - 1) / row_step);
+    if (needed > prefix_size_) {
+        prefix_ = std::make_unique_for_overwrite<PrefixSum[]>(needed);
+        prefix_size_ = needed;
+    }
     for (int y = 0; y < height; y += row_step) {
         const std::uint8_t* in = row(y);
         PrefixSum* sum = &prefix_[static_cast<std::size_t>(y / row_step) * (width + 1)];

@@ -2,8 +2,9 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
-#include <vector>
+#include <memory>
 
 namespace rbdn {
 
@@ -68,7 +69,9 @@ private:
     std::array<float, 256> lightness_{};
     std::array<float, 256> hue_{};
     std::array<std::array<std::uint64_t, 256>, 3> packed_{};  // four 16-bit numbers each, for the sums
-    std::vector<PrefixSum> prefix_;
+    // Not a vector, which would write it all once more.
+    std::unique_ptr<PrefixSum[]> prefix_;
+    std::size_t prefix_size_ = 0;
 };
 
 }  // namespace rbdn

@@ -161,10 +161,17 @@ int merge_alike(FaceGraph& graph, double eta) {
         const Candidate c = queue.top();
         queue.pop();
         if (!graph.alive(c.a) || !graph.alive(c.b)) continue;
-        if (graph.version(c.a) != c.version_a || graph.version(c.b) != c.version_b) continue;
+        if (graph.version(c.a) != c.version_a || graph.version(c.b) != c.version_b) {
+            offer(c.a, c.b);  // their colours have changed since
+            continue;
+        }
+        const int gone = graph.outline(c.a).area_px >= graph.outline(c.b).area_px ? c.b : c.a;
+        const Neighbours met = graph.neighbours(gone);
         const int kept = graph.merge(c.a, c.b);
         ++merged;
-        for (const auto& [other, shared] : graph.neighbours(kept)) offer(kept, other);
+        // The survivor's older pairs are looked at again when their turn comes.
+        for (const auto& [other, shared] : met)
+            if (other != kept) offer(kept, other);
     }
     return merged;
 }
