@@ -154,8 +154,9 @@ class ObstacleMap:
         change[empty & unsure[column] & (before < BARELY_FREE)] = 0.0
 
         behind = [depth - thing.by_column(width)[column] for thing in standing]
-        for thing, off in zip(standing, behind, strict=True):  # where it was thought to stand before
-            change[(owner == thing.region) & np.isfinite(off)] = SEEN_EMPTY
+        for thing, off in zip(standing, behind, strict=True):  # where it was thought to be nearer: unknown
+            moved = (owner == thing.region) & (off < -(self.config.cell_cm + thing.sigma_cm)) & (before > 0)
+            change[moved] = np.maximum(SEEN_EMPTY, -before[moved])
         for thing, off in zip(standing, behind, strict=True):
             shell = max(SHELL_CM, thing.sigma_cm)
             filled = (off > -min(half + 0.5 * thing.sigma_cm, 3 * half)) & (off < shell)

@@ -14,6 +14,8 @@ from host.nav.map import ObstacleMap
 UNKNOWN_COST = 3.0  # where the robot would stand on floor not seen yet costs this many free cells
 CROWDED_COST = 3.0  # extra for a cell at the hard limit, falling to nothing at the comfortable distance
 HASTE = 1.3  # weight of the straight-line distance: fewer cells looked at, ways at most this much longer
+TURN_CM = 50.0  # cells up to here cost more the farther they lie from where the robot looks
+TURN_COST = 2.5  # so much right behind it: a half turn takes as long as a metre ahead
 STEPS = [(dr, dc, math.hypot(dr, dc)) for dr in (-1, 0, 1) for dc in (-1, 0, 1) if dr or dc]
 
 
@@ -50,13 +52,15 @@ def find_way(
     room: Room,
     start_cm: tuple[float, float],
     goal_cm: tuple[float, float],
+    heading_rad: float,
 ) -> Way:
     """The cheapest way to within the goal's tolerance, or to the reachable place nearest to the goal.
 
     The disc of the robot and half its clearance must fit everywhere,
-    except right where it stands: it may always leave a place it has got into.
+    except right where it stands: it may always leave a place it has got into. Ways that begin in the
+    direction it looks are preferred, or it would turn to and fro before a wide obstacle.
     """
-    shut, cost = _terrain(obstacle_map, room, start_cm)
+    shut, cost = _terrain(obstacle_map, room, start_cm, heading_rad)
     start = obstacle_map.cell_of(*start_cm)
     _, parts = cv2.connectedComponents((~shut).astype(np.uint8), connectivity=8)
     rows, cols = np.nonzero(parts == parts[start])
@@ -70,7 +74,9 @@ def find_way(
     return Way(tuple(obstacle_map.point_of(*cell) for cell in cells), to_goal)
 
 
-def _terrain(obstacle_map: ObstacleMap, room: Room, start_cm) -> tuple[np.ndarray, np.ndarray]:
+def _terrain(
+    obstacle_map: ObstacleMap, room: Room, start_cm: tuple[float, float], heading_rad: float
+) -> tuple[np.ndarray, np.ndarray]:
     """(cells that are shut, cost of entering each cell), both (N, N)."""
     body, config = obstacle_map.body, obstacle_map.config
     hard, comfort = tightest(obstacle_map), config.comfort_cm
@@ -82,6 +88,10 @@ def _terrain(obstacle_map: ObstacleMap, room: Room, start_cm) -> tuple[np.ndarra
     rows = slice(max(0, start[0] - leave), start[0] + leave + 1)
     cols = slice(max(0, start[1] - leave), start[1] + leave + 1)
     shut[rows, cols] = obstacle_map.occupied[rows, cols]
+    dx = obstacle_map.centres_cm[None, :] - start_cm[0]
+    dz = obstacle_map.centres_cm[:, None] - start_cm[1]
+    aside = np.arccos(np.clip(np.cos(np.arctan2(dx, dz) - heading_rad), -1.0, 1.0))
+    cost += np.where(np.hypot(dx, dz) < TURN_CM, TURN_COST * aside / math.pi, 0.0)
     cost[rows, cols] += 4.0 * np.clip((hard - room.to_filled[rows, cols]) / hard, 0.0, 1.0)
     shut[start] = False
     return shut, cost

@@ -4,7 +4,8 @@ In each image column the lowest point of what is not floor is its foot: the floo
 height / ray_y. Both are compared and averaged as slopes of the ray to the foot, height / depth, in which the
 foot's error is the same at every distance.
 
-Something wide is a wall and stands where its feet are, column by column. Something narrow is filled from its
+Something wide is a wall and stands where its feet are, column by column, for its mean depth says little of
+its ends. Something narrow is filled from its
 nearest point on. A ball's nearest point lies far before its foot: what hangs over at the sides is taken to
 bulge as much towards the robot.
 """
@@ -24,6 +25,7 @@ from host.pose import Pose
 from host.rbdn.snapshot import Region
 
 USABLE = 0.25  # a depth with a larger relative sigma places nothing
+STRAIGHT = 0.006  # rms of a straight wall's feet about their line, as a slope: 2 px at 280 px focal length
 WALL_CM = 70.0  # what is wider than this has a front as its feet have it, what is narrower a flat one
 TOUCHING = 1.05  # columns whose foot is nearer than this times the nearest foot touch the floor
 HANGING = 0.6  # a thing whose outer feet are flatter than this part of its nearest one hangs over there
@@ -150,7 +152,11 @@ def _on_its_feet(
     if how == "foot" and sigma_cm > 0.3 * z:
         return None
     if wall:
-        depth = feet.depth_cm[columns] * foot_slope / slope
+        line = np.polynomial.Polynomial.fit(columns, slopes, 1)
+        if float(np.sqrt(np.mean((slopes - line(columns)) ** 2))) < STRAIGHT:
+            columns = np.nonzero(feet.region == region)[0]  # also where its feet are below the image
+            slopes = line(columns)
+        depth = feet.height_cm / np.maximum(slopes, feet.height_cm / FARTHEST_CM)
         return Standing(region, columns, depth, z, sigma_cm, how, weight)
     bulge = 0.0
     if float(np.percentile(slopes, 10)) < HANGING * nearest:

@@ -190,7 +190,7 @@ def _planned(
     if t_s - plan.made_s < PLAN_EVERY_S:
         return plan
     room = room_around(obstacle_map)
-    way = find_way(obstacle_map, room, here, goal_cm)
+    way = find_way(obstacle_map, room, here, goal_cm, heading)
     gain = math.dist(here, goal_cm) - math.dist(way.points[-1], goal_cm)
     if not way.to_goal and gain < WORTH_CM:
         return replace(plan, way=None, aim=None, piece_from=None, made_s=t_s)

@@ -173,7 +173,7 @@ def test_the_way_leads_through_a_gap_that_is_wide_enough_and_not_through_a_narro
     wide = open_floor()
     put(wide, -400, 100, -25, 105)
     put(wide, 25, 100, 400, 105)
-    way = find_way(wide, room_around(wide), (0, 0), (0, 200))
+    way = find_way(wide, room_around(wide), (0, 0), (0, 200), 0.0)
     assert way.to_goal
     crossing = [x for x, z in way.points if 95 < z < 110]
     assert max(map(abs, crossing)) < 12
@@ -181,7 +181,7 @@ def test_the_way_leads_through_a_gap_that_is_wide_enough_and_not_through_a_narro
     narrow = open_floor()
     put(narrow, -400, 100, -10, 105)
     put(narrow, 10, 100, 400, 105)
-    way = find_way(narrow, room_around(narrow), (0, 0), (0, 200))
+    way = find_way(narrow, room_around(narrow), (0, 0), (0, 200), 0.0)
     assert not way.to_goal
     assert way.points[-1][1] < 100 - BODY.radius_cm
 
