@@ -24,7 +24,9 @@ FARTHEST_CM = 500.0  # above the row where the floor is this far away nothing co
 MIXED_CM = 90.0  # of a region that is floor and wall in one, floor is what would be nearer than this
 CROSSING = 0.02  # a region with more than this share above that row is not floor alone
 LIKE_FLOOR = 20.0  # mean colours nearer than this to a proven floor's are floor too
-MOST_OF_BORDER = 0.6  # a new region on this share of the lower border is floor, whatever else it may be
+LIKE_MIXED = 35.0  # and what is floor and wall in one is still nearer than this
+MOST_OF_BORDER = 0.6  # while no floor is known, what covers this share of the lower border is floor at least
+PART_OF_BORDER = 0.3  # and what covers this and is nothing else is floor alone
 SIGMA_RAY = 0.01  # of the tilt of the floor's plane against the camera, rad
 VOTE = 0.2  # what one frame's depths count; a new region begins at 1 or -0.1 by its looks
 CERTAIN = 3.0  # votes are kept within this
@@ -102,28 +104,38 @@ class FloorFinder:
         before = self._votes.get(region.id)
         ray_y = rays.down[mine]
         if float((ray_y < self._height_cm / FARTHEST_CM).mean()) > CROSSING:
-            if before is None:
-                before = 1.0 if self._looks_like_floor(region, mine, MOST_OF_BORDER) else -CERTAIN
-            if before > 0:
+            mixed = self._looks_mixed(region, mine) or ((before or 0.0) > 0 and bool(mine[-1].any()))
+            if mixed:
                 self._mixed.add(region.id)
-            self._votes[region.id] = before
+            if before is None:
+                self._votes[region.id] = 1.0 if mixed else -CERTAIN
             return
         vote = self._vote_of_depth(region, mine, report, rays)
         on, above = self._corners(region, report, pose)
         if on + above >= 3:
             vote += VOTE * (on - 2 * above) / (on + above)
-        like = self._looks_like_floor(region, mine, MOST_OF_BORDER / 2)
+        like = self._looks_like_floor(region, mine)
         if before is None:
             vote += 1.0 if like else -0.1
         elif like and mine[-1].any():
             vote += VOTE / 2
         self._votes[region.id] = float(np.clip((before or 0.0) + vote, -CERTAIN, CERTAIN))
 
-    def _looks_like_floor(self, region: Region, mine: np.ndarray, share: float) -> bool:
+    def _looks_like_floor(self, region: Region, mine: np.ndarray) -> bool:
         """By colour, and before a floor's colour is known by lying in front of the robot."""
-        if self._floor_rgb is not None:
-            return float(np.linalg.norm(np.array(region.mean_rgb) - self._floor_rgb)) < LIKE_FLOOR
-        return float(mine[-1].mean()) > share
+        if self._floor_rgb is None:
+            return float(mine[-1].mean()) > PART_OF_BORDER
+        return self._off_floor_colour(region) < LIKE_FLOOR
+
+    def _looks_mixed(self, region: Region, mine: np.ndarray) -> bool:
+        """Does a region that reaches up to the walls hold the floor before the robot as well?"""
+        share = float(mine[-1].mean())
+        if self._floor_rgb is None:
+            return share > MOST_OF_BORDER
+        return share > PART_OF_BORDER and self._off_floor_colour(region) < LIKE_MIXED
+
+    def _off_floor_colour(self, region: Region) -> float:
+        return float(np.linalg.norm(np.array(region.mean_rgb) - self._floor_rgb))
 
     def _vote_of_depth(self, region: Region, mine: np.ndarray, report: DepthReport, rays: Rays) -> float:
         """Does the region's depth fit a thing lying on the floor, or one standing on its lowest row?"""
