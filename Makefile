@@ -6,7 +6,7 @@ RUN := $(VENV)/bin/python
 
 NATIVE := CMakeLists.txt pyproject.toml $(wildcard firmware/src/*.[ch] host/*/*_core/*.[ch]pp host/*/core/*.[ch]pp)
 
-.PHONY: drive test setup clean
+.PHONY: drive test setup firmware budget avr clean
 
 drive: build/ready
 	$(RUN) host/nav_loop.py
@@ -18,6 +18,16 @@ setup: build/ready
 
 build/ready: tools/setup $(NATIVE)
 	@PYTHON=$(PYTHON) tools/setup
+
+# The ATmega's program, and the simulator that runs it: both need tools/setup_avr once.
+firmware:
+	$(PYTHON) tools/build_firmware.py
+
+budget: firmware
+	$(PYTHON) tools/firmware_budget.py
+
+avr: firmware
+	$(PYTHON) tools/build_rig.py
 
 clean:
 	rm -rf build $(VENV)

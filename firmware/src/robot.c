@@ -81,7 +81,7 @@ static int16_t permille(int16_t duty)
     return (int16_t)((int32_t)duty * 1000 / MOTOR_DUTY_FULL);
 }
 
-static void send_telemetry(struct robot *robot, uint32_t now_us, uint16_t battery_mv)
+static void send_telemetry(struct robot *robot, uint32_t now_us)
 {
     const struct encoder *left = &robot->encoders[DRIVE_LEFT], *right = &robot->encoders[DRIVE_RIGHT];
     struct msg_telemetry telemetry = {
@@ -96,7 +96,7 @@ static void send_telemetry(struct robot *robot, uint32_t now_us, uint16_t batter
         .speed_right_mm_s = right->speed_q4 / 16,
         .duty_left_permille = permille(robot->motors[DRIVE_LEFT].duty),
         .duty_right_permille = permille(robot->motors[DRIVE_RIGHT].duty),
-        .battery_mv = battery_mv,
+        .battery_mv = robot->battery_mv,
         .illegal_left = left->illegal,
         .illegal_right = right->illegal,
         .boot_nonce = robot->supervisor.boot_nonce,
@@ -240,11 +240,12 @@ static void sense_wheels(struct robot *robot, uint32_t now_us)
         encoder_update(&robot->encoders[side], &edges[side], now_us);
 }
 
-void robot_tick(struct robot *robot, uint32_t now_us)
+void robot_control(struct robot *robot, uint32_t now_us)
 {
     sense_wheels(robot, now_us);
+    robot->battery_mv = hal_battery_mv(robot->hal);
     struct supervisor_senses senses = {
-        .battery_mv = hal_battery_mv(robot->hal),
+        .battery_mv = robot->battery_mv,
         .estop_pressed = hal_estop_pressed(robot->hal),
         .wheels_still = (robot->encoders[DRIVE_LEFT].speed_q4 | robot->encoders[DRIVE_RIGHT].speed_q4) == 0,
     };
@@ -253,13 +254,22 @@ void robot_tick(struct robot *robot, uint32_t now_us)
         motors_follow(robot);
     else
         motors_off(robot);
+}
 
+void robot_report(struct robot *robot, uint32_t now_us)
+{
     if (--robot->telemetry_in == 0) {
         robot->telemetry_in = TELEMETRY_TICKS;
-        send_telemetry(robot, now_us, senses.battery_mv);
+        send_telemetry(robot, now_us);
     }
     if (--robot->link_status_in == 0) {
         robot->link_status_in = LINK_STATUS_TICKS;
         send_link_status(robot);
     }
+}
+
+void robot_tick(struct robot *robot, uint32_t now_us)
+{
+    robot_control(robot, now_us);
+    robot_report(robot, now_us);
 }

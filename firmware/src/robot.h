@@ -37,6 +37,7 @@ struct robot {
     struct drive drive;
     struct supervisor supervisor;
     struct link link;
+    uint16_t battery_mv;    // at the last tick
     uint32_t byte_us;       // when the byte now being handled came
     uint8_t drive_seq;      // sequence number of the last DRIVE obeyed
     uint8_t telemetry_in;   // ticks until the next TELEMETRY
@@ -56,7 +57,12 @@ static inline void robot_encoder_edge(struct robot *robot, uint8_t side, uint8_t
 // motors.
 void robot_receive_byte(struct robot *robot, uint8_t byte, uint32_t now_us);
 
-// Every ROBOT_TICK_US: sense, decide, drive, report.
+// The two halves of a tick, for a processor on which a byte that completes an ESTOP must not wait for both: it may
+// handle bytes between them. Sense, decide, drive; then report, with the same now_us.
+void robot_control(struct robot *robot, uint32_t now_us);
+void robot_report(struct robot *robot, uint32_t now_us);
+
+// Every ROBOT_TICK_US: both at once.
 void robot_tick(struct robot *robot, uint32_t now_us);
 
 #endif
