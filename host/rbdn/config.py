@@ -11,7 +11,7 @@ class NetConfig:
 
     square_px: int = 16
     """Side of the initial squares (Fig. 2)."""
-    merge_distance: float = 8.0
+    merge_distance: float = 7.5
     """Colours nearer than this belong to one polygon (eta of the paper)."""
     lightness_weight: float = 0.3
     """How much lightness counts beside hue; low, so that an object's own shading does not split it."""

@@ -5,7 +5,7 @@ namespace rbdn {
 
 struct Config {
     int square_px = 16;
-    double merge_distance = 8.0;
+    double merge_distance = 7.5;
     double lightness_weight = 0.3;
     double min_area_px = 200.0;
     double min_width_px = 2.5;
