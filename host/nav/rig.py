@@ -78,7 +78,7 @@ def open_rig(camera_uri: str, robot_uri: str, lens_file: Path | None) -> Iterato
     DeviceError
         Camera or robot do not answer.
     """
-    simulated = robot_uri == "sim:"
+    simulated = robot_uri in ("sim:", "avr:")
     if robot_uri.partition(":")[0] == "sim" and not simulated:
         raise UsageError(f"robot {robot_uri!r}: write sim: alone; the camera's URI names the world")
     if simulated != camera_uri.startswith("sim:"):
@@ -86,7 +86,7 @@ def open_rig(camera_uri: str, robot_uri: str, lens_file: Path | None) -> Iterato
             f"camera {camera_uri} and robot {robot_uri} do not go together: simulate both or neither"
         )
     if simulated:
-        simulation = Simulation(camera_uri)
+        simulation = Simulation(camera_uri, avr=robot_uri == "avr:")
         with Robot(simulation.transport, simulation.clock) as robot:
             robot.connect()
             world = simulation.world

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import cast
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from host.camera.frame import Frame
 from host.camera.lens import Lens
 from host.errors import DeviceError
 from host.pose import Pose
+from host.sim.avr.board import AvrBoard
 from host.sim.board import Board, Line
 from host.sim.body import Body, BodyModel
 from host.sim.render import Renderer, Webcam, WebcamModel
@@ -101,6 +103,8 @@ class Simulation:
         The world, such as ``sim:room?seed=3``; its seed also decides noise and wheels.
     fps
         Frames a second, 1 to 1000.
+    avr
+        Run the real firmware in a simulated ATmega328P instead of the firmware compiled for this machine.
 
     Attributes
     ----------
@@ -115,7 +119,7 @@ class Simulation:
     Raises
     ------
     UsageError
-        The URI names no world.
+        The URI names no world, or the ATmega's firmware or simulator is not built.
     """
 
     def __init__(
@@ -125,13 +129,15 @@ class Simulation:
         body: BodyModel | None = None,
         webcam: WebcamModel | None = None,
         fps: float = FRAMES_PER_S,
+        avr: bool = False,
     ) -> None:
         if not 1.0 <= fps <= 1000.0:
             raise ValueError(f"fps must be 1 to 1000, not {fps}")
         self.world = world_from_uri(uri)
         self.renderer = Renderer(self.world)
         body = body or BodyModel()
-        self.board = Board(
+        make_board = cast(type[Board], AvrBoard) if avr else Board  # alike in all that is used here
+        self.board = make_board(
             self.world.seed, um_per_count=round(body.cm_per_count * 1e4), track_mm=round(body.track_cm * 10)
         )
         self.body = Body(self.world, self.board, body, self.world.seed)
