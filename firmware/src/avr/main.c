@@ -13,7 +13,7 @@
 
 // Received bytes handled in one round, so that babble on the line cannot keep ticks from coming. The line
 // brings at most 125 bytes a tick and rounds come one after another, so none is lost to this.
-#define BYTES_PER_ROUND 16u
+#define BYTES_PER_ROUND 32u
 
 struct robot robot; // the encoder interrupt writes its `edges`
 
