@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
 from collections.abc import Callable
+from importlib.util import find_spec
 
 EXIT_DONE = 0
 EXIT_USAGE = 2
@@ -38,14 +40,37 @@ class DeviceError(RobotError):
     exit_code = EXIT_DEVICE
 
 
-class SafetyStop(RobotError):
-    """The robot stopped itself."""
+def begin_command() -> None:
+    """To be called before a command's slow imports: what goes wrong among them gets one line as well.
 
-    exit_code = EXIT_SAFETY
+    Ends the program where the checkout was not set up, and at Ctrl-C until `run_command` takes over.
+    """
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, _leave_early)
+    packages = ("numpy", "cv2", "rich", "serial", "tyro")
+    modules = ("host.rbdn._core", "host.sim._render", "host.sim._board")
+    # Looking for a module of ours imports the package around it, which needs the others.
+    missing = [name for name in packages if find_spec(name) is None]
+    missing = missing or [name for name in modules if find_spec(name) is None]
+    if missing:
+        print(
+            f"error: {', '.join(missing)} not found: run 'make setup', then use .venv/bin/python",
+            file=sys.stderr,
+        )
+        sys.exit(EXIT_USAGE)
+
+
+def _leave_early(*_: object) -> None:
+    print("interrupted", file=sys.stderr)
+    sys.stderr.flush()
+    os._exit(EXIT_INTERRUPTED)  # nothing is open yet, and half-done imports do not unwind cleanly
 
 
 def run_command(command: Callable[[], int | None]) -> None:
     """Run a command's body; exit with its code, and turn a RobotError into one line on stderr."""
+    for number in (signal.SIGINT, signal.SIGTERM):  # a polite kill ends as Ctrl-C does
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, signal.default_int_handler)
     try:
         sys.exit(command() or EXIT_DONE)
     except RobotError as error:

@@ -7,6 +7,11 @@ Results appear only when the whole sequence was measured; an interrupted or fail
 
 from __future__ import annotations
 
+from host.errors import InputError, UsageError, begin_command, run_command
+
+if __name__ == "__main__":
+    begin_command()
+
 import contextlib
 import json
 import math
@@ -21,7 +26,6 @@ from typing import TYPE_CHECKING, Any, Protocol
 from tyro.conf import Positional
 
 from host.config import Config, read_command_line
-from host.errors import InputError, UsageError, run_command
 
 if TYPE_CHECKING:  # so that --help need not wait for OpenCV
     import numpy as np
@@ -169,6 +173,8 @@ def _refuse_to_overwrite_input(options: MeasureOptions, sequence: Sequence) -> N
     outputs = [] if options.json is None else [options.json]
     if options.pictures is not None:
         outputs += [options.pictures / _picture_name(frame) for frame in sequence.frames]
+        if options.pictures.resolve() in {frame.path.resolve().parent for frame in sequence.frames}:
+            raise UsageError(f"{options.pictures}: holds the sequence's own images; write pictures elsewhere")
     for output in outputs:
         if output.resolve() in inputs:
             raise UsageError(f"{output}: belongs to the sequence and would be overwritten; write elsewhere")

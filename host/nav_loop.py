@@ -13,6 +13,11 @@ from pathlib import Path
 if __package__ in (None, ""):  # run as a script: the package lies one folder up
     sys.path[0] = str(Path(__file__).resolve().parent.parent)
 
+from host.errors import UsageError, begin_command, run_command
+
+if __name__ == "__main__":
+    begin_command()
+
 import math
 import signal
 import time
@@ -25,7 +30,6 @@ from rich.table import Table
 from rich.text import Text
 
 from host.config import Config, read_command_line
-from host.errors import UsageError, run_command
 from host.nav.drive import drive
 from host.nav.gallery import Gallery
 from host.nav.pilot import Pilot, View
@@ -75,7 +79,6 @@ def main() -> int:
     if options.json is not None:
         check_writable(options.json, folder=False)
     check_writable(RUNS, folder=True)
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # a polite kill ends as Ctrl-C does
 
     with open_rig(options.camera, options.robot, options.lens) as rig:
         goal_cm = goal_cm or rig.goal_cm
@@ -162,7 +165,9 @@ class Ticker:
 
 def print_summary(result: dict[str, Any], folder: Path) -> None:
     """The end of the drive as a table."""
-    table = Table(show_header=False, title=f"{result['outcome']}: {result['reason']}", title_justify="left")
+    outcome, reason = result["outcome"], result["reason"]
+    title = reason if reason.startswith(outcome) else f"{outcome}: {reason}"
+    table = Table(show_header=False, title=title, title_justify="left")
     for name, value in _summary_rows(result):
         table.add_row(name, value)
     table.add_row("result", str(folder / "result.json"))
@@ -181,11 +186,14 @@ def _summary_rows(result: dict[str, Any]) -> list[tuple[str, str]]:
         ("collisions", "not known" if result["collisions"] is None else str(result["collisions"])),
         ("final pose off by", "not known" if error is None else number(error["position_cm"], "cm")),
     ]
-    if depth is None or not depth["count"]:
-        rows.append(("depth error", "not known"))
-    else:
-        text = f"median {depth['median_percent']:.1f} %, 90 % within {depth['p90_percent']:.1f} %"
-        rows.append(("depth error", f"{text} ({depth['count']} depths)"))
+    for name, part in (("of things", depth and depth["things"]), ("with walls and floor", depth)):
+        known = part is not None and part["count"] > 0
+        text = (
+            f"median {part['median_percent']:.1f} %, 90 % below {part['p90_percent']:.1f} % ({part['count']})"
+            if known
+            else "not known"
+        )
+        rows.append((f"depth error {name}", text))
     rows.append(("frames", f"{result['frames']}, {result['dropped_frames']} dropped"))
     rows.append(("frame time", f"median {number(ms['median'], 'ms')}, p95 {number(ms['p95'], 'ms')}"))
     return rows

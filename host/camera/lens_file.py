@@ -13,6 +13,7 @@ from host.record.atomic import write_whole
 
 DISTORTION_TERMS = ("k1", "k2", "p1", "p2", "k3")
 LARGEST_SIDE_PX = 20000
+LARGEST_DISTORTION = 100.0
 
 
 def read_lens(path: Path) -> Lens:
@@ -41,13 +42,14 @@ def read_lens(path: Path) -> Lens:
         raise InputError(f"{path}: not a camera file; it must be one JSON object") from error
     if not isinstance(values, dict):
         raise InputError(f'{path}: must be one JSON object like {{"width": 320, "height": 240, ...}}')
+    width, height = _side(path, values, "width"), _side(path, values, "height")
     return Lens(
-        width=_side(path, values, "width"),
-        height=_side(path, values, "height"),
-        fx=_focal(path, values, "fx"),
-        fy=_focal(path, values, "fy"),
-        cx=_number(path, "cx", _entry(path, values, "cx"), "give pixels"),
-        cy=_number(path, "cy", _entry(path, values, "cy"), "give pixels"),
+        width=width,
+        height=height,
+        fx=_focal(path, values, "fx", width),
+        fy=_focal(path, values, "fy", height),
+        cx=_centre(path, values, "cx", width),
+        cy=_centre(path, values, "cy", height),
         distortion=_distortion(path, values),
     )
 
@@ -88,10 +90,23 @@ def _side(path: Path, values: dict, key: str) -> int:
     return value
 
 
-def _focal(path: Path, values: dict, key: str) -> float:
+def _focal(path: Path, values: dict, key: str, side_px: int) -> float:
     value = _number(path, key, _entry(path, values, key), "give the focal length in pixels")
     if value <= 0:
         raise InputError(f'{path}: key "{key}": {value:g} is not above 0; give the focal length in pixels')
+    if not side_px / 50 <= value <= 1000 * side_px:
+        raise InputError(
+            f'{path}: key "{key}": {value:g} is no focal length for {side_px} px; give it in pixels'
+        )
+    return value
+
+
+def _centre(path: Path, values: dict, key: str, side_px: int) -> float:
+    value = _number(path, key, _entry(path, values, key), "give pixels")
+    if abs(value) > 10 * side_px:
+        raise InputError(
+            f'{path}: key "{key}": {value:g} is far outside an image of {side_px} px; give pixels'
+        )
     return value
 
 
@@ -100,7 +115,13 @@ def _distortion(path: Path, values: dict) -> tuple[float, ...]:
     names = ", ".join(DISTORTION_TERMS)
     if not isinstance(value, list) or len(value) != len(DISTORTION_TERMS):
         raise InputError(f'{path}: key "distortion": must be a list of the five numbers {names}')
-    return tuple(
+    terms = tuple(
         _number(path, f"distortion.{name}", term, f"give the five numbers {names}")
         for name, term in zip(DISTORTION_TERMS, value, strict=True)
     )
+    for name, term in zip(DISTORTION_TERMS, terms, strict=True):
+        if abs(term) > LARGEST_DISTORTION:
+            raise InputError(
+                f'{path}: key "distortion": {name} = {term:g} is beyond any lens; calibrate again'
+            )
+    return terms

@@ -68,7 +68,7 @@ def _why_not_open(path: str, error: Exception) -> str:
         return f"{path} does not exist: {remedy}"
     if number in (errno.EBUSY, errno.EAGAIN):
         return f"{path} is in use: close the other program that has it open"
-    return f"{path} cannot be opened as a serial port: {error}"
+    return f"{path} is no serial port that can be opened: name the robot's, such as /dev/ttyACM0"
 
 
 def _ports() -> list[str]:

@@ -19,6 +19,19 @@ class BodyConfig:
         _check_positive(self, zero_allowed={"camera_ahead_cm"})
 
 
+# Beyond these the robot would drive on what it no longer knows, or faster than its link can say.
+MOST = {
+    "frame_stale_s": 0.3,
+    "link_stale_s": 0.25,
+    "speed_cm_s": 100.0,
+    "creep_cm_s": 100.0,
+    "turn_rad_s": 6.0,
+    "brake_cm_s2": 1000.0,
+    "give_up_s": 600.0,
+    "map_half_cm": 10000.0,
+}
+
+
 @dataclass(frozen=True)
 class NavConfig:
     """How the robot drives. Distances from the robot's rim where nothing else is said."""
@@ -41,8 +54,9 @@ class NavConfig:
 
     def __post_init__(self) -> None:
         _check_positive(self, zero_allowed={"reaction_s", "comfort_cm"})
-        if self.frame_stale_s > 0.3:
-            raise ValueError(f"frame_stale_s = {self.frame_stale_s} is over 0.3: too old to drive on")
+        for key, most in MOST.items():
+            if getattr(self, key) > most:
+                raise ValueError(f"{key} = {getattr(self, key)} is over {most:g}")
         if self.creep_cm_s > self.speed_cm_s:
             raise ValueError(f"creep_cm_s = {self.creep_cm_s} is over speed_cm_s = {self.speed_cm_s}")
         if self.map_half_cm / self.cell_cm > 400:

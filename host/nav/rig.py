@@ -78,6 +78,8 @@ def open_rig(camera_uri: str, robot_uri: str, lens_file: Path | None) -> Iterato
     DeviceError
         Camera or robot do not answer.
     """
+    if robot_uri == "auto":
+        raise UsageError(f"robot {robot_uri}: not supported yet; write sim: or a port such as /dev/ttyACM0")
     simulated = robot_uri in ("sim:", "avr:")
     if robot_uri.partition(":")[0] == "sim" and not simulated:
         raise UsageError(f"robot {robot_uri!r}: write sim: alone; the camera's URI names the world")
@@ -85,6 +87,8 @@ def open_rig(camera_uri: str, robot_uri: str, lens_file: Path | None) -> Iterato
         raise UsageError(
             f"camera {camera_uri} and robot {robot_uri} do not go together: simulate both or neither"
         )
+    if simulated and lens_file is not None:
+        raise UsageError(f"--lens {lens_file}: a simulated camera brings its own lens; leave it out")
     if simulated:
         simulation = Simulation(camera_uri, avr=robot_uri == "avr:")
         with Robot(simulation.transport, simulation.clock) as robot:

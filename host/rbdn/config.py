@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class NetConfig:
-    """Settings of the deformable net. Lengths in pixels, colours in CIELAB units with lightness discounted."""
+    """Settings of the deformable net. Lengths in pixels, colours in discounted CIELAB units."""
 
     square_px: int = 16
     """Side of the initial squares (Fig. 2)."""
@@ -32,7 +32,7 @@ class NetConfig:
     keep_step: float = 12.0
     """Polygons that are one region part only above this step."""
     refresh_frames: int = 5
-    """Every so many frames the net is drawn anew from its own regions, to regain worn-off corners; 0: never."""
+    """Every so many frames the net is drawn anew from its own regions, for worn-off corners; 0: never."""
 
     def __post_init__(self) -> None:
         bounds = {

@@ -93,7 +93,9 @@ class Net:
         if rotation is None or self._lens is None or self._seq == 0:
             return none
         lens = self._lens
-        corners = np.array([[0, 0], [lens.width - 1, 0], [0, lens.height - 1], [lens.width - 1, lens.height - 1]])
+        corners = np.array(
+            [[0, 0], [lens.width - 1, 0], [0, lens.height - 1], [lens.width - 1, lens.height - 1]]
+        )
         if np.abs(_turn(lens, corners, rotation) - corners).max() < STEADY_PX:
             return none
         y, x = np.mgrid[0 : lens.height, 0 : lens.width]

@@ -24,6 +24,7 @@ from host.record.image_file import image_size, read_image
 COLUMNS = ("frame", "file", "t_s", "x_cm", "y_cm", "z_cm", "qw", "qx", "qy", "qz")
 SIGMA_COLUMNS = ("sigma_z_cm", "sigma_rot_rad")
 QUATERNION_TOLERANCE = 0.01  # files round to as few as three decimals
+LARGEST_VALUE = 1e10  # of any pose column: 100,000 km, or 300 years
 
 
 @dataclass(frozen=True)
@@ -251,6 +252,8 @@ def _frame(path: Path, folder: Path, line: int, row: dict[str, str]) -> Sequence
             ) from error
         if not math.isfinite(value):
             raise InputError(f"{path}: line {line}, column {column}: {value} is not finite; give a number")
+        if abs(value) > LARGEST_VALUE:
+            raise InputError(f"{path}: line {line}, column {column}: {value:g} is beyond {LARGEST_VALUE:g}")
         return value
 
     frame = number("frame")

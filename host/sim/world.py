@@ -300,5 +300,7 @@ def world_from_uri(uri: str) -> World:
         if not (text.isascii() and text.isdigit() and int(text) <= HIGHEST[key]):
             values_known = f"a whole number from 0 to {HIGHEST[key]}"
             raise UsageError(f"camera {uri!r}: {key} must be {values_known}, not {text!r}")
+        if key in values:
+            raise UsageError(f"camera {uri!r}: {key} is given twice; keep one of them")
         values[key] = int(text)
     return SCENES[name](**values)

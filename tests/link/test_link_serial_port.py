@@ -83,7 +83,7 @@ def test_a_port_in_use_is_said_to_be(line):
 
 def test_a_file_that_is_no_port_is_said_to_be_none(tmp_path: Path):
     (tmp_path / "notes.txt").write_text("hello")
-    with pytest.raises(DeviceError, match=r"notes\.txt cannot be opened as a serial port"):
+    with pytest.raises(DeviceError, match=r"notes\.txt is no serial port that can be opened: name"):
         SerialPort(str(tmp_path / "notes.txt"))
 
 

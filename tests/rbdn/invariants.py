@@ -36,7 +36,9 @@ def _assert_no_crossing(xy: np.ndarray, edges: np.ndarray) -> None:
     a, b = xy[edges[:, 0]], xy[edges[:, 1]]
 
     def side(p, q, r):
-        return (q[..., 0] - p[..., 0]) * (r[..., 1] - p[..., 1]) - (q[..., 1] - p[..., 1]) * (r[..., 0] - p[..., 0])
+        return (q[..., 0] - p[..., 0]) * (r[..., 1] - p[..., 1]) - (q[..., 1] - p[..., 1]) * (
+            r[..., 0] - p[..., 0]
+        )
 
     p, q, r, s = a[:, None], b[:, None], a[None], b[None]
     tiny = 1e-9

@@ -23,7 +23,9 @@ def _ramp(coordinates: np.ndarray, low: float, high: float, blur_px: float) -> n
     return up(low) - up(high)
 
 
-def rectangle_coverage(shape: tuple[int, int], box: tuple[float, float, float, float], blur_px: float) -> np.ndarray:
+def rectangle_coverage(
+    shape: tuple[int, int], box: tuple[float, float, float, float], blur_px: float
+) -> np.ndarray:
     """(H, W) coverage of the box (x0, y0, x1, y1), integer coordinate = pixel centre."""
     x0, y0, x1, y1 = box
     across = _ramp(np.arange(shape[1], dtype=float), x0, x1, blur_px)
@@ -31,7 +33,9 @@ def rectangle_coverage(shape: tuple[int, int], box: tuple[float, float, float, f
     return down[:, None] * across[None, :]
 
 
-def ellipse_coverage(shape: tuple[int, int], centre: tuple[float, float], axes: tuple[float, float]) -> np.ndarray:
+def ellipse_coverage(
+    shape: tuple[int, int], centre: tuple[float, float], axes: tuple[float, float]
+) -> np.ndarray:
     """(H, W) coverage of an ellipse, 32x32 samples a pixel."""
     n = 32
     step = (np.arange(n) + 0.5) / n - 0.5
@@ -64,7 +68,9 @@ def random_scene(seed: int, shape: tuple[int, int] = (120, 160)) -> np.ndarray:
         if rng.random() < 0.5:
             cv2.fillPoly(image, [points], colour, lineType=cv2.LINE_AA)
         else:
-            cv2.circle(image, tuple(int(c) for c in points[0]), int(rng.integers(3, 50)), colour, -1, cv2.LINE_AA)
+            cv2.circle(
+                image, tuple(int(c) for c in points[0]), int(rng.integers(3, 50)), colour, -1, cv2.LINE_AA
+            )
     return add_noise(image, rng.uniform(0, 12), seed)
 
 

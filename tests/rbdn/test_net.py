@@ -19,7 +19,10 @@ WALL, RED, GREEN = (200, 205, 210), (40, 40, 190), (60, 150, 60)
 
 
 def two_boxes(red_box, green_box, noise: float = 4.0, seed: int = 0) -> np.ndarray:
-    layers = [(rectangle_coverage(SHAPE, red_box, 0.7), RED), (rectangle_coverage(SHAPE, green_box, 0.7), GREEN)]
+    layers = [
+        (rectangle_coverage(SHAPE, red_box, 0.7), RED),
+        (rectangle_coverage(SHAPE, green_box, 0.7), GREEN),
+    ]
     return add_noise(compose(SHAPE, WALL, layers), noise, seed)
 
 
@@ -54,7 +57,9 @@ def test_area_of_a_box_is_exact_to_a_few_pixels(seed):
     rng = np.random.default_rng(seed)
     x0, y0 = rng.uniform(15, 25, 2)
     x1, y1 = x0 + rng.uniform(38, 52), y0 + rng.uniform(50, 68)
-    region = region_at(Net().track(two_boxes((x0, y0, x1, y1), (100.2, 30.3, 140.4, 80.1), seed=seed)), x0 + 15, y0 + 15)
+    region = region_at(
+        Net().track(two_boxes((x0, y0, x1, y1), (100.2, 30.3, 140.4, 80.1), seed=seed)), x0 + 15, y0 + 15
+    )
     assert abs(region.area_px - (x1 - x0) * (y1 - y0)) < 6 * region.sigma_area_px
     assert region.sigma_area_px < 6.0
 
@@ -75,8 +80,13 @@ def test_boxes_keep_their_ids_while_they_grow_and_move():
     ids = []
     for k in range(12):
         g = 1 + 0.012 * k
-        snapshot = net.track(two_boxes((20 - k, 30 - k, 20 - k + 40 * g, 30 - k + 60 * g),
-                                       (90 + k, 40, 90 + k + 40 * g, 40 + 55 * g), seed=k))
+        snapshot = net.track(
+            two_boxes(
+                (20 - k, 30 - k, 20 - k + 40 * g, 30 - k + 60 * g),
+                (90 + k, 40, 90 + k + 40 * g, 40 + 55 * g),
+                seed=k,
+            )
+        )
         ids.append((region_at(snapshot, 40 - k, 60).id, region_at(snapshot, 110 + k, 70).id))
         assert_sound(net)
     assert set(ids) == {ids[0]}
@@ -123,7 +133,9 @@ def test_loops_cover_every_pixel_once():
     count = np.zeros((4 * 120, 4 * 160), int)
     for region in snapshot.regions:
         mask = np.zeros(count.shape, np.uint8)
-        cv2.fillPoly(mask, [np.round((loop + 0.5) * 4 * 16 - 8).astype(np.int32) for loop in region.loops], 1, shift=4)
+        cv2.fillPoly(
+            mask, [np.round((loop + 0.5) * 4 * 16 - 8).astype(np.int32) for loop in region.loops], 1, shift=4
+        )
         count += mask
     assert (count == 1).mean() > 0.97  # fillPoly paints outlines on both sides
 
@@ -233,7 +245,9 @@ def test_a_frame_of_another_size_is_refused():
         net.track(np.zeros((80, 60, 3), np.uint8))
 
 
-@pytest.mark.parametrize(("name", "value"), [("square_px", 2), ("merge_distance", 0.0), ("track_reach_px", 99)])
+@pytest.mark.parametrize(
+    ("name", "value"), [("square_px", 2), ("merge_distance", 0.0), ("track_reach_px", 99)]
+)
 def test_settings_out_of_range_are_refused_by_name(name, value):
     with pytest.raises(ValueError, match=name):
         NetConfig(**{name: value})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import cv2
@@ -123,7 +124,7 @@ def test_quaternions_become_rotations_and_come_back(values):
     st.lists(
         st.tuples(finite, finite, finite, st.floats(-3.1, 3.1), st.floats(0, 9)), min_size=1, max_size=4
     ),
-    st.tuples(*[st.floats(0.1, 1e4)] * 2, *[finite] * 7),
+    st.tuples(*[st.floats(0.1, 4e3)] * 2, *[st.floats(-40, 40)] * 2, *[st.floats(-100, 100)] * 5),
 )
 @settings(max_examples=50, deadline=None)
 def test_what_is_written_is_read_back(tmp_path_factory, places, lens_values):
@@ -144,6 +145,27 @@ def test_what_is_written_is_read_back(tmp_path_factory, places, lens_values):
         assert (frame.pose.t_s, frame.pose.sigma_z_cm) == (pose.t_s, pose.sigma_z_cm)
         assert frame.pose.sigma_rot_rad == pose.sigma_rot_rad
         assert np.array_equal(sequence.image(k), images[k])
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [("fx", 371e300), ("fy", 1e-300), ("cx", 1e300), ("distortion", [1e9, 0, 0, 0, 0])],
+)
+def test_a_lens_beyond_any_camera_is_refused_by_key(sequence_folder: Path, key, value):
+    file = sequence_folder / "camera.json"
+    file.write_text(json.dumps(json.loads(file.read_text()) | {key: value}))
+    with pytest.raises(InputError, match=f'"{key}"'):
+        read_sequence(sequence_folder)
+
+
+def test_a_pose_beyond_any_robot_is_refused_by_line_and_column(sequence_folder: Path):
+    file = sequence_folder / "poses.csv"
+    header, first, *rest = file.read_text().splitlines()
+    cells = first.split(",")
+    cells[header.split(",").index("z_cm")] = "1e30"
+    file.write_text("\n".join([header, ",".join(cells), *rest]) + "\n")
+    with pytest.raises(InputError, match="line 2, column z_cm"):
+        read_sequence(sequence_folder)
 
 
 def test_writing_never_adds_to_a_folder_that_holds_something(sequence_folder: Path):

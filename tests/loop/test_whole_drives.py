@@ -1,0 +1,26 @@
+"""Whole drives by the real command: it gets there, and it touches nothing."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.mark.parametrize("seed", [1, 3])
+def test_the_robot_reaches_the_goal_of_a_room_and_touches_nothing(seed: int, tmp_path: Path):
+    out = tmp_path / "result.json"
+    command = [sys.executable, str(ROOT / "host" / "nav_loop.py"), "--no-view", "--json", str(out)]
+    more = ["--camera", f"sim:room?seed={seed}", "--max-time", "120"]
+    run = subprocess.run(command + more, cwd=tmp_path, capture_output=True, text=True, timeout=280)
+    assert run.returncode == 0, run.stderr
+    result = json.loads(out.read_text())
+    assert result["outcome"] == "goal", result["reason"]
+    assert result["collisions"] == 0
+    assert result["min_clearance_cm"] > 0
+    assert result["final_pose_error"]["position_cm"] < 5.0

@@ -1,0 +1,36 @@
+"""What a stranger sees who did not set up, or who changes their mind at once."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+COMMANDS = [["host/nav_loop.py"], ["-m", "host.measure", "nowhere"]]
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_without_the_packages_one_line_says_how_to_get_them(command):
+    # -S leaves out site-packages, as on a machine where nothing was set up
+    run = subprocess.run([sys.executable, "-S", *command], cwd=ROOT, capture_output=True, text=True)
+    assert run.returncode == 2
+    assert run.stderr.count("\n") == 1 and "make setup" in run.stderr
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize("wait_s", [0.1, 0.3])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_during_the_start_ends_it_in_one_line(command, wait_s, number):
+    process = subprocess.Popen([sys.executable, *command], cwd=ROOT, stderr=subprocess.PIPE, text=True)
+    time.sleep(wait_s)
+    if process.poll() is None:
+        process.send_signal(number)
+    _, stderr = process.communicate(timeout=60)
+    assert "Traceback" not in stderr
+    # Before Python itself has come up, the system's own answer stands.
+    assert process.returncode in (130, -number) or (process.returncode == 3 and "nowhere" in stderr)
