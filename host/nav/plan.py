@@ -14,6 +14,7 @@ from host.nav.map import ObstacleMap
 UNKNOWN_COST = 3.0  # where the robot would stand on floor not seen yet costs this many free cells
 CROWDED_COST = 3.0  # extra for a cell at the hard limit, falling to nothing at the comfortable distance
 HASTE = 1.3  # weight of the straight-line distance: fewer cells looked at, ways at most this much longer
+SIDEWAYS = 0.75  # part of the clearance kept from what is passed
 TURN_CM = 50.0  # cells up to here cost more the farther they lie from where the robot looks
 TURN_COST = 2.5  # so much right behind it: a half turn takes as long as a metre ahead
 STEPS = [(dr, dc, math.hypot(dr, dc)) for dr in (-1, 0, 1) for dc in (-1, 0, 1) if dr or dc]
@@ -56,7 +57,7 @@ def find_way(
 ) -> Way:
     """The cheapest way to within the goal's tolerance, or to the reachable place nearest to the goal.
 
-    The disc of the robot and half its clearance must fit everywhere,
+    The disc of the robot and most of its clearance must fit everywhere,
     except right where it stands: it may always leave a place it has got into. Ways that begin in the
     direction it looks are preferred, or it would turn to and fro before a wide obstacle.
     """
@@ -134,4 +135,4 @@ def _search(shut: np.ndarray, cost: np.ndarray, start, target, reach: float) -> 
 
 def tightest(obstacle_map: ObstacleMap) -> float:
     """Least room in cm at which the robot's middle may pass a filled cell sideways."""
-    return obstacle_map.body.radius_cm + obstacle_map.config.clearance_cm / 2
+    return obstacle_map.body.radius_cm + obstacle_map.config.clearance_cm * SIDEWAYS
