@@ -187,12 +187,10 @@ def _summary_rows(result: dict[str, Any]) -> list[tuple[str, str]]:
         ("final pose off by", "not known" if error is None else number(error["position_cm"], "cm")),
     ]
     for name, part in (("of things", depth and depth["things"]), ("with walls and floor", depth)):
-        known = part is not None and part["count"] > 0
-        text = (
-            f"median {part['median_percent']:.1f} %, 90 % below {part['p90_percent']:.1f} % ({part['count']})"
-            if known
-            else "not known"
-        )
+        text = "not known"
+        if part is not None and part["count"] > 0:
+            median, most = part["median_percent"], part["p90_percent"]
+            text = f"median {median:.1f} %, 90 % below {most:.1f} % ({part['count']})"
         rows.append((f"depth error {name}", text))
     rows.append(("frames", f"{result['frames']}, {result['dropped_frames']} dropped"))
     rows.append(("frame time", f"median {number(ms['median'], 'ms')}, p95 {number(ms['p95'], 'ms')}"))
