@@ -179,7 +179,7 @@ def _speed(ahead: Ahead, obstacle_map: ObstacleMap) -> tuple[float, str]:
         return v, f"straight: {ahead.room_cm:.0f} cm free ahead{then}"
     if fast <= blind:
         return v, f"slow: {thing}, {ahead.room_cm:.0f} cm from the rim"
-    return v, f"creep: floor not seen {ahead.unseen_cm:.0f} cm ahead, looking for depth"
+    return v, f"creep: floor seen only {ahead.unseen_cm:.0f} cm ahead, looking for depth"
 
 
 def _planned(
