@@ -167,17 +167,13 @@ def _poses_file(options: MeasureOptions) -> Path | None:
 
 
 def _refuse_to_overwrite_input(options: MeasureOptions, sequence: Sequence) -> None:
+    images = [frame.path.resolve() for frame in sequence.frames]
+    if options.pictures is not None and options.pictures.resolve() in {image.parent for image in images}:
+        raise UsageError(f"{options.pictures}: holds the sequence's own images; write pictures elsewhere")
     poses = options.poses or options.sequence / "poses.csv"
-    files = [options.sequence / "camera.json", poses, *(frame.path for frame in sequence.frames)]
-    inputs = {file.resolve() for file in files}
-    outputs = [] if options.json is None else [options.json]
-    if options.pictures is not None:
-        outputs += [options.pictures / _picture_name(frame) for frame in sequence.frames]
-        if options.pictures.resolve() in {frame.path.resolve().parent for frame in sequence.frames}:
-            raise UsageError(f"{options.pictures}: holds the sequence's own images; write pictures elsewhere")
-    for output in outputs:
-        if output.resolve() in inputs:
-            raise UsageError(f"{output}: belongs to the sequence and would be overwritten; write elsewhere")
+    inputs = {(options.sequence / "camera.json").resolve(), poses.resolve(), *images}
+    if options.json is not None and options.json.resolve() in inputs:
+        raise UsageError(f"{options.json}: belongs to the sequence and would be overwritten; write elsewhere")
 
 
 def _picture_name(frame: SequenceFrame) -> str:

@@ -21,7 +21,7 @@ from host.errors import InputError
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 JPEG_MARKER = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")  # skips stuffed bytes, restarts and fill
 JPEG_FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
-JPEG_END, JPEG_SCAN = 0xD9, 0xDA
+JPEG_END = 0xD9
 REMEDY = "copy or export it again"
 
 

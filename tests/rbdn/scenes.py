@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from math import sqrt
+from math import erf, sqrt
 
 import cv2
 import numpy as np
 
-_erf = np.vectorize(__import__("math").erf)
+_erf = np.vectorize(erf)
 
 
 def _ramp(coordinates: np.ndarray, low: float, high: float, blur_px: float) -> np.ndarray:

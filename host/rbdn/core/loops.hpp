@@ -1,7 +1,6 @@
 // Faces as closed walks along their edges, and faces that fell apart made into separate ones.
 #pragma once
 
-#include <functional>
 #include <vector>
 
 #include "mesh.hpp"

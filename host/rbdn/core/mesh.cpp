@@ -155,13 +155,6 @@ void Mesh::remove_doubled_edges() {
     }
 }
 
-void Mesh::relabel_face(int from, int to) {
-    for (Edge& e : edges) {
-        if (e.left == from) e.left = to;
-        if (e.right == from) e.right = to;
-    }
-}
-
 void Mesh::rebuild_spokes() {
     spokes.assign(vertices.size(), Spokes{});
     for (int k = 0; k < static_cast<int>(edges.size()); ++k) {

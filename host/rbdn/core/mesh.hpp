@@ -38,7 +38,6 @@ struct Edge {
 
     int other_end(int vertex) const { return vertex == a ? b : a; }
     int other_face(int face) const { return face == left ? right : left; }
-    bool borders(int face) const { return left == face || right == face; }
     // Face on the left when walking away from `vertex`.
     int left_from(int vertex) const { return vertex == a ? left : right; }
     int right_from(int vertex) const { return vertex == a ? right : left; }
@@ -94,8 +93,6 @@ public:
 
     // Two edges between the same ends enclose nothing: one of them, or both, go.
     void remove_doubled_edges();
-
-    void relabel_face(int from, int to);
 
     // Drops edges with one face on both sides, dead edges, and vertices without edges; renumbers.
     void compact();
