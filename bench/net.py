@@ -31,8 +31,8 @@ SIZES = ((320, 240), (640, 480), (1280, 720))
 MOTION_PX = 2.5  # a frame
 FRAMES = 5
 FIRST, TRACKED, REFINED = "net, first frame", "net, tracked frame", "net, refinement"
-COLOUR, WHOLE = "net, colours before it", "net, all of it, tracked"
-OURS = (FIRST, TRACKED, REFINED, COLOUR, WHOLE)
+WHOLE = "net, all of it, tracked"
+OURS = (FIRST, TRACKED, REFINED, WHOLE)
 FLOW = "DIS flow, ultrafast"
 NOT_INSTALLED = "not installed"
 REMEDY = "what is not installed comes with: .venv/bin/pip install -e '.[bench]'"
@@ -91,9 +91,9 @@ class TimedCore:
         self._core = core
         self.track_ms = self.refine_ms = 0.0
 
-    def track(self, lab: np.ndarray, source: np.ndarray) -> None:
+    def track(self, bgr: np.ndarray, source: np.ndarray) -> None:
         begin = time.thread_time()
-        self._core.track(lab, source)
+        self._core.track(bgr, source)
         self.track_ms = 1e3 * (time.thread_time() - begin)
 
     def refine(self, bgr: np.ndarray) -> dict[str, np.ndarray]:
@@ -142,7 +142,6 @@ def _follow(rows: dict[str, Row], frames: list[tuple[np.ndarray, np.ndarray]], f
         rows[REFINED].times_ms.append(core.refine_ms)
         if judge:
             _judge(row, truth, _labels_of(snapshot, *truth.shape))
-        _timed(rows[COLOUR], lambda image=image: cv2.cvtColor(image, cv2.COLOR_BGR2LAB))
         grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
         if before is not None:
             _timed(rows[FLOW], lambda a=before, b=grey: flow.calc(a, b, None))  # pyright: ignore

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from dataclasses import asdict
 
-import cv2
 import numpy as np
 
 from host.camera.lens import Lens
@@ -55,11 +54,12 @@ class Net:
         """
         self._check(image)
         begin = time.perf_counter()
+        image = np.ascontiguousarray(image)
         source = self._turned_from(rotation)
-        self._core.track(cv2.cvtColor(image, cv2.COLOR_BGR2LAB), source)
+        self._core.track(image, source)
         net_ms = 1e3 * (time.perf_counter() - begin)
         begin = time.perf_counter()
-        fine = self._core.refine(np.ascontiguousarray(image))
+        fine = self._core.refine(image)
         snapshot = self._snapshot(fine, net_ms, begin)
         self._seq += 1
         return snapshot

@@ -41,11 +41,11 @@ class NetCore {
 public:
     explicit NetCore(const rbdn::Config& config) : tracker_(config) {}
 
-    void track(const ByteImage& lab, const IntArray& source) {
-        const auto height = static_cast<int>(lab.shape(0)), width = static_cast<int>(lab.shape(1));
+    void track(const ByteImage& bgr, const IntArray& source) {
+        const auto height = static_cast<int>(bgr.shape(0)), width = static_cast<int>(bgr.shape(1));
         const std::vector<int> turned(source.data(), source.data() + source.shape(0));
         nb::gil_scoped_release release;
-        tracker_.track(lab.data(), width, height, turned);
+        tracker_.track(bgr.data(), width, height, turned);
     }
 
     nb::dict refine(const ByteImage& bgr) {
@@ -78,7 +78,8 @@ public:
         std::vector<std::int32_t> labels(tracker_.labels().begin(), tracker_.labels().end());
         std::vector<float> means;
         for (const rbdn::Face& f : mesh.faces)
-            for (float c : f.mean) means.push_back(c / rbdn::Image::kUnitsPerLab);
+            for (int k = 0; k < 3; ++k)
+                means.push_back((f.mean[k] - rbdn::Image::kBlack[k]) / rbdn::Image::kUnitsPerLab);
         nb::dict out;
         out["vertices_px"] = to_array(xy, {mesh.vertices.size(), 2});
         out["edges"] = to_array(edges, {mesh.edges.size(), 4});
@@ -200,8 +201,8 @@ NB_MODULE(_core, m) {
 
     nb::class_<NetCore>(m, "NetCore")
         .def(nb::init<const rbdn::Config&>(), "config"_a)
-        .def("track", &NetCore::track, "lab"_a, "source"_a,
-             "Fit the net to an 8-bit CIELAB image; `source` as in Tracker::track, empty for none.")
+        .def("track", &NetCore::track, "bgr"_a, "source"_a,
+             "Fit the net to an 8-bit BGR image; `source` as in Tracker::track, empty for none.")
         .def("refine", &NetCore::refine, "bgr"_a, "Regions, loops, vertices and sub-pixel outline as arrays.")
         .def("faces", &NetCore::faces, "Vertices, edges (a, b, left, right), face means and the label image.")
         .def_prop_ro("cycles", &NetCore::cycles)

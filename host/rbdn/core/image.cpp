@@ -1,14 +1,30 @@
-// The working image: the camera's CIELAB bytes seen in the net's own colour space, with sums for fast means.
+// The working image: the camera's pixels seen in the net's own colour space, with sums for fast means.
 #include "image.hpp"
 
-#include <bit>
 #include <cmath>
 
 namespace rbdn {
 
 namespace {
 
-using FourShorts = std::array<std::int16_t, 4>;
+// Linear sRGB to X, Y and Z as shares of the white point D65 (IEC 61966-2-1); columns are blue, green, red.
+constexpr double kToXyz[3][3] = {
+    {0.1804375 / 0.95047, 0.3575761 / 0.95047, 0.4124564 / 0.95047},
+    {0.0721750, 0.7151522, 0.2126729},
+    {0.9503041 / 1.08883, 0.1191920 / 1.08883, 0.0193339 / 1.08883},
+};
+
+double linear_light(double v) { return v <= 0.04045 ? v / 12.92 : std::pow((v + 0.055) / 1.055, 2.4); }
+
+// The cube root of CIELAB with its straight foot.
+double cielab_curve(double t) { return t > 216.0 / 24389.0 ? std::cbrt(t) : (24389.0 / 27.0 * t + 16.0) / 116.0; }
+
+std::uint64_t packed(double first, double second, double third) {
+    const std::array<std::int16_t, 4> lanes{static_cast<std::int16_t>(std::lround(first)),
+                                            static_cast<std::int16_t>(std::lround(second)),
+                                            static_cast<std::int16_t>(std::lround(third)), 0};
+    return std::bit_cast<std::uint64_t>(lanes);
+}
 
 }  // namespace
 
@@ -19,22 +35,29 @@ Colour ColourSum::mean() const {
     return out;
 }
 
-Image::Image(double lightness_weight) {
-    for (int v = 0; v < 256; ++v) {
+ColourTables::ColourTables(double lightness_weight) {
+    const int size = 1 << kCurveBits;
+    const double full = ((size - 1) << kFineBits) - 4;  // leaves room for the rounding of three shares
+    for (int channel = 0; channel < 3; ++channel)
+        for (int v = 0; v < 256; ++v) {
+            const double light = full * linear_light(v / 255.0);
+            light_[channel][v] =
+                packed(light * kToXyz[0][channel], light * kToXyz[1][channel], light * kToXyz[2][channel]);
+        }
+    constexpr double kUnits = Image::kUnitsPerLab;
+    for (auto& curve : curve_) curve.resize(size);
+    for (int k = 0; k < size; ++k) {
+        const double f = cielab_curve((k + 0.5) * (1 << kFineBits) / full);
         // Lightness carries an object's own shading; discounting it keeps lit and dark sides together.
-        const double scaled = v * (100.0 / 255.0) * lightness_weight * kUnitsPerLab;
-        const auto lightness = static_cast<std::int16_t>(std::lround(scaled));
-        const auto hue = static_cast<std::int16_t>((v - 128) * kUnitsPerLab);
-        lightness_[v] = lightness;
-        hue_[v] = hue;
-        packed_[0][v] = std::bit_cast<std::uint64_t>(FourShorts{lightness, 0, 0, 0});
-        packed_[1][v] = std::bit_cast<std::uint64_t>(FourShorts{0, hue, 0, 0});
-        packed_[2][v] = std::bit_cast<std::uint64_t>(FourShorts{0, 0, hue, 0});
+        const double lightness = std::max(0.0, 116.0 * f - 16.0) * lightness_weight;
+        curve_[0][k] = packed(0, 500 * f * kUnits, 0);
+        curve_[1][k] = packed(lightness * kUnits, Image::kBlack[1] - 500 * f * kUnits, 200 * f * kUnits);
+        curve_[2][k] = packed(0, 0, Image::kBlack[2] - 200 * f * kUnits);
     }
 }
 
-void Image::load(const std::uint8_t* lab, int width, int height, int row_step) {
-    lab_ = lab;
+void Image::load(const std::uint8_t* bgr, int width, int height, int row_step) {
+    bgr_ = bgr;
     width_ = width;
     height_ = height;
     row_step_ = row_step;
@@ -49,7 +72,7 @@ void Image::load(const std::uint8_t* lab, int width, int height, int row_step) {
         PrefixSum total{};
         sum[0] = total;
         for (int x = 0; x < width; ++x, in += 3) {
-            const auto pixel = std::bit_cast<FourShorts>(packed_[0][in[0]] | packed_[1][in[1]] | packed_[2][in[2]]);
+            const ShortColour pixel = colours_(in);
             for (int k = 0; k < 4; ++k) total.c[k] += pixel[k];
             sum[x + 1] = total;
         }

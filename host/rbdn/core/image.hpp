@@ -1,15 +1,20 @@
-// The working image: the camera's CIELAB bytes seen in the net's own colour space, with sums for fast means.
+// The working image: the camera's pixels seen in the net's own colour space, with sums for fast means.
 #pragma once
 
 #include <array>
+#include <bit>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <vector>
 
 namespace rbdn {
 
 // Colour units are quarters of a CIELAB unit, with lightness discounted; see image.cpp.
 using Colour = std::array<float, 3>;
+
+// The same as whole numbers; the fourth is unused.
+using ShortColour = std::array<std::int16_t, 4>;
 
 // Sums over the pixels of a row before each place; four numbers, so that they are added in one go.
 struct PrefixSum {
@@ -38,37 +43,61 @@ inline float distance2(const Colour& a, const Colour& b) {
     return x * x + y * y + z * z;
 }
 
+// From the camera's blue, green and red to CIELAB with discounted lightness, by tables alone: the same whole
+// numbers on every machine.
+class ColourTables {
+public:
+    explicit ColourTables(double lightness_weight);
+
+    ShortColour operator()(const std::uint8_t* bgr) const {
+        const std::uint64_t xyz = light_[0][bgr[0]] + light_[1][bgr[1]] + light_[2][bgr[2]];
+        return std::bit_cast<ShortColour>(curve_[0][(xyz >> kFineBits) & kCurveMask] +
+                                          curve_[1][(xyz >> (16 + kFineBits)) & kCurveMask] +
+                                          curve_[2][(xyz >> (32 + kFineBits)) & kCurveMask]);
+    }
+
+private:
+    static constexpr int kCurveBits = 12;
+    static constexpr int kFineBits = 3;  // of the light beyond the curve's resolution; the sum stays in 16 bits
+    static constexpr std::uint64_t kCurveMask = (1U << kCurveBits) - 1;
+
+    // Four 16-bit numbers in each entry, added in one go; none is ever negative, so none borrows from the next.
+    std::array<std::array<std::uint64_t, 256>, 3> light_;              // share of X, Y and Z, by channel and byte
+    std::array<std::vector<std::uint64_t>, 3> curve_;                  // share of L, a and b, by X, Y and Z
+};
+
 class Image {
 public:
     static constexpr float kUnitsPerLab = 4.0F;
+    // Black; the space is shifted so that no colour has a negative part.
+    static constexpr Colour kBlack{0.0F, 500 * kUnitsPerLab, 200 * kUnitsPerLab};
 
-    explicit Image(double lightness_weight);
+    explicit Image(double lightness_weight) : colours_(lightness_weight) {}
 
-    // `lab` is OpenCV's 8-bit CIELAB, (height, width, 3), row after row without gaps; it is not copied and must
-    // outlive the use of the image. Means are taken over every `row_step`-th row.
-    void load(const std::uint8_t* lab, int width, int height, int row_step);
+    // `bgr` is (height, width, 3), row after row without gaps; it is not copied and must outlive the use of the
+    // image. Means are taken over every `row_step`-th row.
+    void load(const std::uint8_t* bgr, int width, int height, int row_step);
 
     int width() const { return width_; }
     int height() const { return height_; }
     int row_step() const { return row_step_; }
 
     // Pixels of a row, three bytes each, for colour_of().
-    const std::uint8_t* row(int y) const { return lab_ + 3 * static_cast<std::size_t>(y) * width_; }
+    const std::uint8_t* row(int y) const { return bgr_ + 3 * static_cast<std::size_t>(y) * width_; }
     Colour colour_of(const std::uint8_t* pixel) const {
-        return {lightness_[pixel[0]], hue_[pixel[1]], hue_[pixel[2]]};
+        const ShortColour c = colours_(pixel);
+        return {static_cast<float>(c[0]), static_cast<float>(c[1]), static_cast<float>(c[2])};
     }
 
     // Prefix sums of row y, a multiple of row_step: width + 1 of them.
     RowSums row_sums(int y) const { return &prefix_[static_cast<std::size_t>(y / row_step_) * (width_ + 1)]; }
 
 private:
-    const std::uint8_t* lab_ = nullptr;
+    ColourTables colours_;
+    const std::uint8_t* bgr_ = nullptr;
     int width_ = 0;
     int height_ = 0;
     int row_step_ = 1;
-    std::array<float, 256> lightness_{};
-    std::array<float, 256> hue_{};
-    std::array<std::array<std::uint64_t, 256>, 3> packed_{};  // four 16-bit numbers each, for the sums
     // Not a vector, which would write it all once more.
     std::unique_ptr<PrefixSum[]> prefix_;
     std::size_t prefix_size_ = 0;

@@ -25,8 +25,8 @@ constexpr int kRegroupCycles = 8;     // after each
 
 }  // namespace
 
-void Tracker::track(const std::uint8_t* lab, int width, int height, const std::vector<int>& source) {
-    image_.load(lab, width, height, frames_ == 0 ? kStartMeanRows : kTrackMeanRows);
+void Tracker::track(const std::uint8_t* bgr, int width, int height, const std::vector<int>& source) {
+    image_.load(bgr, width, height, frames_ == 0 ? kStartMeanRows : kTrackMeanRows);
     means_version_ = disparity_version_ = off_version_ = kNone;
     cycles_ = 0;
     for (Vertex& v : mesh_.vertices) v.fresh = false;

@@ -20,9 +20,9 @@ class Tracker {
 public:
     explicit Tracker(const Config& config) : config_(config), image_(config.lightness_weight) {}
 
-    // Fits the net to the next image (8-bit CIELAB). `source` tells, for every pixel, which pixel of the last
+    // Fits the net to the next image (8-bit blue, green, red). `source` tells, for every pixel, which pixel of the last
     // frame the camera's rotation brought there (negative: none); empty where the camera did not turn much.
-    void track(const std::uint8_t* lab, int width, int height, const std::vector<int>& source);
+    void track(const std::uint8_t* bgr, int width, int height, const std::vector<int>& source);
 
     const Mesh& mesh() const { return mesh_; }
     const RegionSet& regions() const { return regions_; }
