@@ -7,6 +7,7 @@ import math
 import typing
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -44,8 +45,10 @@ def test_every_setting_is_explained_in_the_file(section: str, key: str):
     assert len(f"{above} {beside}".split()) >= 2
 
 
-def near(value: float | int) -> st.SearchStrategy:
+def near(value: float | int | str, kind: Any) -> st.SearchStrategy:
     """Values close enough to a default to stay in its range."""
+    if typing.get_origin(kind) is typing.Literal:
+        return st.sampled_from(typing.get_args(kind))
     if isinstance(value, bool):
         return st.booleans()
     if isinstance(value, int):
@@ -59,7 +62,8 @@ def test_any_settings_written_are_read_back(tmp_path: Path, data):
     sections = {}
     for section, kind in SECTIONS.items():
         default = getattr(Config(), section)
-        values = {f.name: data.draw(near(getattr(default, f.name))) for f in dataclasses.fields(kind)}
+        types = typing.get_type_hints(kind)
+        values = {key: data.draw(near(getattr(default, key), types[key])) for key in types}
         sections[section] = kind(**values)
     config = Config(**sections)
     (tmp_path / "robot.toml").write_text(config_text(config))
@@ -88,6 +92,7 @@ def test_what_a_file_does_not_mention_keeps_its_default(tmp_path: Path):
         ("[net]\nzzz = 8\n", ["unknown key net.zzz", "square_px, "]),
         ("[net.square_px]\na = 1\n", ["net.square_px", "whole number"]),
         ("[net]\nsquare_px = 8.0\n", ["net.square_px = 8.0", "whole number"]),
+        ('[net]\nmode = "papre"\n', ["net.mode = 'papre'", "one of 'ours', 'paper'"]),
         ("[net]\nsquare_px = true\n", ["net.square_px = True", "whole number"]),
         ('[net]\nmerge_distance = "8"\n', ["net.merge_distance = '8'", "number"]),
         ("[net]\nmerge_distance = [8]\n", ["net.merge_distance = [8]", "number"]),

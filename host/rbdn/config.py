@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal, get_args
+
+Mode = Literal["ours", "paper"]
 
 
 @dataclass(frozen=True)
 class NetConfig:
     """Settings of the deformable net. Lengths in pixels, colours in discounted CIELAB units."""
 
+    mode: Mode = "ours"
+    """Whose rules the net follows: ours, or those of the paper to the letter, to compare the two."""
     square_px: int = 16
     """Side of the initial squares (Fig. 2)."""
     merge_distance: float = 7.5
     """Colours nearer than this belong to one polygon (eta of the paper)."""
+    rgb_distance: float = 30.0
+    """The same in the paper's mode, which compares RGB levels of 0 to 255."""
     lightness_weight: float = 0.3
     """How much lightness counts beside hue; low, so that an object's own shading does not split it."""
     min_area_px: float = 200.0
@@ -35,9 +42,12 @@ class NetConfig:
     """Every so many frames the net is drawn anew from its own regions, for worn-off corners; 0: never."""
 
     def __post_init__(self) -> None:
+        if self.mode not in get_args(Mode):
+            raise ValueError(f"mode = {self.mode!r} is not one of {', '.join(map(repr, get_args(Mode)))}")
         bounds = {
             "square_px": (4, 200),
             "merge_distance": (1, 200),
+            "rgb_distance": (1, 450),
             "lightness_weight": (0, 1),
             "min_area_px": (1, 1e6),
             "min_width_px": (0, 100),

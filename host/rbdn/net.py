@@ -160,7 +160,7 @@ class Net:
 def _core_config(config: NetConfig) -> _core.Config:
     out = _core.Config()
     for name, value in asdict(config).items():
-        setattr(out, name, value)
+        setattr(out, name, _core.Mode[value] if name == "mode" else value)
     return out
 
 

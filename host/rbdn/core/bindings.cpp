@@ -184,10 +184,14 @@ private:
 NB_MODULE(_core, m) {
     m.doc() = "The Region-based Deformable Net's engine; use it through host.rbdn.Net.";
 
+    nb::enum_<rbdn::Mode>(m, "Mode").value("ours", rbdn::Mode::kOurs).value("paper", rbdn::Mode::kPaper);
+
     nb::class_<rbdn::Config>(m, "Config")
         .def(nb::init<>())
+        .def_rw("mode", &rbdn::Config::mode)
         .def_rw("square_px", &rbdn::Config::square_px)
         .def_rw("merge_distance", &rbdn::Config::merge_distance)
+        .def_rw("rgb_distance", &rbdn::Config::rgb_distance)
         .def_rw("lightness_weight", &rbdn::Config::lightness_weight)
         .def_rw("min_area_px", &rbdn::Config::min_area_px)
         .def_rw("min_width_px", &rbdn::Config::min_width_px)

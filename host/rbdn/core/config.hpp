@@ -3,9 +3,14 @@
 
 namespace rbdn {
 
+// Ours, or the paper's rules to the letter (paper.hpp).
+enum class Mode { kOurs, kPaper };
+
 struct Config {
+    Mode mode = Mode::kOurs;
     int square_px = 16;
     double merge_distance = 7.5;
+    double rgb_distance = 30.0;
     double lightness_weight = 0.3;
     double min_area_px = 200.0;
     double min_width_px = 2.5;

@@ -150,7 +150,7 @@ double half_displacement(const Disparity& d, int half, double edge_length) {
     return 2.0 * (d.left_claimed[half] - d.right_claimed[half]) / edge_length;
 }
 
-double move_vertices(Mesh& mesh, const std::vector<Disparity>& disparity, int reach_px, double gain) {
+void move_vertices(Mesh& mesh, const std::vector<Disparity>& disparity, int reach_px, double gain) {
     std::vector<NormalEquations> equations(mesh.vertices.size());
     std::vector<double> shortest(mesh.vertices.size(), 1e9);
     for (std::size_t k = 0; k < mesh.edges.size(); ++k) {
@@ -165,28 +165,31 @@ double move_vertices(Mesh& mesh, const std::vector<Disparity>& disparity, int re
         equations[e.b].add(normal, half_displacement(disparity[k], 1, size), weight);
     }
 
-    double longest = 0;
+    std::vector<Vec2> moves(mesh.vertices.size());
+    for (std::size_t k = 0; k < mesh.vertices.size(); ++k) {
+        moves[k] = gain * solve_move(equations[k], mesh.vertices[k].sides);
+        const double limit = std::min(reach_px / 2.0, std::max(0.7, 0.45 * shortest[k]));
+        const double size = length(moves[k]);
+        if (size > limit) moves[k] = (limit / size) * moves[k];
+    }
+    displace_vertices(mesh, moves);
+}
+
+void displace_vertices(Mesh& mesh, const std::vector<Vec2>& moves) {
     for (std::size_t k = 0; k < mesh.vertices.size(); ++k) {
         Vertex& v = mesh.vertices[k];
-        Vec2 move = gain * solve_move(equations[k], v.sides);
-        const double limit = std::min(reach_px / 2.0, std::max(0.7, 0.45 * shortest[k]));
-        const double size = length(move);
-        if (size > limit) move = (limit / size) * move;
         constexpr double kInset = 0.02;  // interior vertices stay off the border
         const double inset_x = v.sides & (kLeftSide | kRightSide) ? 0.0 : kInset;
         const double inset_y = v.sides & (kTopSide | kBottomSide) ? 0.0 : kInset;
         // A border vertex keeps off the corners, which are vertices of their own.
         const double low_x = v.sides & (kTopSide | kBottomSide) ? kInset : inset_x;
         const double low_y = v.sides & (kLeftSide | kRightSide) ? kInset : inset_y;
-        const Vec2 target = v.p + move;
+        const Vec2 target = v.p + moves[k];
         if (!mesh.is_corner(static_cast<int>(k))) {
             v.p.x = v.sides & (kLeftSide | kRightSide) ? v.p.x : std::clamp(target.x, low_x, mesh.width - low_x);
             v.p.y = v.sides & (kTopSide | kBottomSide) ? v.p.y : std::clamp(target.y, low_y, mesh.height - low_y);
         }
-        v.moved = length(v.p - v.held);
-        longest = std::max(longest, v.moved);
     }
-    return longest;
 }
 
 void settle_moves(Mesh& mesh, Crossings& crossings) {

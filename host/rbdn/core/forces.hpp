@@ -29,9 +29,12 @@ double total_disparity(const std::vector<Disparity>& disparity);
 // Displacement in px towards the left normal that each half of an edge asks for.
 double half_displacement(const Disparity& d, int half, double edge_length);
 
-// Moves every vertex to where its edges' halves ask, by least squares, `gain` of the way; returns the longest
-// move. Positions are not checked: see settle_moves().
-double move_vertices(Mesh& mesh, const std::vector<Disparity>& disparity, int reach_px, double gain);
+// Moves every vertex to where its edges' halves ask, by least squares, `gain` of the way. Positions are not
+// checked: see settle_moves().
+void move_vertices(Mesh& mesh, const std::vector<Disparity>& disparity, int reach_px, double gain);
+
+// Moves each vertex as far as its place allows: along the border, or inside it.
+void displace_vertices(Mesh& mesh, const std::vector<Vec2>& moves);
 
 // Takes moves back, around the faults first and at last everywhere, until the net is planar again.
 void settle_moves(Mesh& mesh, Crossings& crossings);

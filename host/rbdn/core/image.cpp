@@ -35,7 +35,15 @@ Colour ColourSum::mean() const {
     return out;
 }
 
-ColourTables::ColourTables(double lightness_weight) {
+ColourTables::ColourTables(const Config& config) {
+    for (auto& curve : curve_) curve.resize(1 << kCurveBits);
+    if (config.mode == Mode::kPaper)
+        make_rgb();
+    else
+        make_cielab(config.lightness_weight);
+}
+
+void ColourTables::make_cielab(double lightness_weight) {
     const int size = 1 << kCurveBits;
     const double full = ((size - 1) << kFineBits) - 4;  // leaves room for the rounding of three shares
     for (int channel = 0; channel < 3; ++channel)
@@ -45,7 +53,6 @@ ColourTables::ColourTables(double lightness_weight) {
                 packed(light * kToXyz[0][channel], light * kToXyz[1][channel], light * kToXyz[2][channel]);
         }
     constexpr double kUnits = Image::kUnitsPerLab;
-    for (auto& curve : curve_) curve.resize(size);
     for (int k = 0; k < size; ++k) {
         const double f = cielab_curve((k + 0.5) * (1 << kFineBits) / full);
         // Lightness carries an object's own shading; discounting it keeps lit and dark sides together.
@@ -53,6 +60,18 @@ ColourTables::ColourTables(double lightness_weight) {
         curve_[0][k] = packed(0, 500 * f * kUnits, 0);
         curve_[1][k] = packed(lightness * kUnits, Image::kBlack[1] - 500 * f * kUnits, 200 * f * kUnits);
         curve_[2][k] = packed(0, 0, Image::kBlack[2] - 200 * f * kUnits);
+    }
+}
+
+void ColourTables::make_rgb() {
+    for (int v = 0; v < 256; ++v) {
+        const double place = v << kFineBits, level = v * Image::kUnitsPerLab;
+        light_[0][v] = packed(place, 0, 0);
+        light_[1][v] = packed(0, place, 0);
+        light_[2][v] = packed(0, 0, place);
+        curve_[0][v] = packed(level, 0, 0);
+        curve_[1][v] = packed(0, Image::kBlack[1] + level, 0);
+        curve_[2][v] = packed(0, 0, Image::kBlack[2] + level);
     }
 }
 

@@ -8,9 +8,11 @@
 #include <memory>
 #include <vector>
 
+#include "config.hpp"
+
 namespace rbdn {
 
-// Colour units are quarters of a CIELAB unit, with lightness discounted; see image.cpp.
+// Colour units are quarters of a CIELAB unit, with lightness discounted, or of an RGB level; see image.cpp.
 using Colour = std::array<float, 3>;
 
 // The same as whole numbers; the fourth is unused.
@@ -43,11 +45,11 @@ inline float distance2(const Colour& a, const Colour& b) {
     return x * x + y * y + z * z;
 }
 
-// From the camera's blue, green and red to CIELAB with discounted lightness, by tables alone: the same whole
-// numbers on every machine.
+// From the camera's blue, green and red to CIELAB with discounted lightness, or to themselves in the paper's mode,
+// by tables alone: the same whole numbers on every machine.
 class ColourTables {
 public:
-    explicit ColourTables(double lightness_weight);
+    explicit ColourTables(const Config& config);
 
     ShortColour operator()(const std::uint8_t* bgr) const {
         const std::uint64_t xyz = light_[0][bgr[0]] + light_[1][bgr[1]] + light_[2][bgr[2]];
@@ -57,6 +59,9 @@ public:
     }
 
 private:
+    void make_cielab(double lightness_weight);
+    void make_rgb();
+
     static constexpr int kCurveBits = 12;
     static constexpr int kFineBits = 3;  // of the light beyond the curve's resolution; the sum stays in 16 bits
     static constexpr std::uint64_t kCurveMask = (1U << kCurveBits) - 1;
@@ -68,11 +73,11 @@ private:
 
 class Image {
 public:
-    static constexpr float kUnitsPerLab = 4.0F;
+    static constexpr float kUnitsPerLab = 4.0F;  // and per RGB level
     // Black; the space is shifted so that no colour has a negative part.
     static constexpr Colour kBlack{0.0F, 500 * kUnitsPerLab, 200 * kUnitsPerLab};
 
-    explicit Image(double lightness_weight) : colours_(lightness_weight) {}
+    explicit Image(const Config& config) : colours_(config) {}
 
     // `bgr` is (height, width, 3), row after row without gaps; it is not copied and must outlive the use of the
     // image. Means are taken over every `row_step`-th row.

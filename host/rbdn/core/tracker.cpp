@@ -5,6 +5,7 @@
 
 #include "loops.hpp"
 #include "merge.hpp"
+#include "paper.hpp"
 #include "vectorise.hpp"
 
 namespace rbdn {
@@ -12,6 +13,7 @@ namespace rbdn {
 namespace {
 
 constexpr double kQuiet = 0.7;        // px; the paper's stop by displacement
+constexpr double kLiteralQuiet = 0.25;  // the same for its own forces, which go half of the way or less
 constexpr int kPatience = 4;          // cycles without progress before giving up: hard counts jitter for ever
 constexpr double kProgress = 0.97;
 constexpr int kMaintenancePeriod = 3;
@@ -45,6 +47,7 @@ void Tracker::start() {
     update_means();
     merge();
     deform(config_.start_reach_px, config_.start_cycles, false);
+    if (literal()) return;
     for (int k = 0; k < kFragmentations; ++k) {
         const int before = cycles_;
         cut_out_news();
@@ -60,13 +63,16 @@ void Tracker::follow(const std::vector<int>& source) {
         split();
         update_means();
         merge();
-    } else if (config_.refresh_frames > 0 && frames_ % config_.refresh_frames == 0) {
+    } else if (!literal() && config_.refresh_frames > 0 && frames_ % config_.refresh_frames == 0) {
         // Deletion wears corners off small outlines; their own raster brings the vertices back.
         vectorise(mesh_, crossings_, labels_);
     }
     // In the first cycle faces keep the last frame's means: under the old net, the new ones are mixtures.
-    deform(config_.track_reach_px, config_.track_cycles, true);
-    cut_out_news();
+    deform(config_.track_reach_px, config_.track_cycles, !literal());
+    if (literal())
+        fragment();
+    else
+        cut_out_news();
 }
 
 void Tracker::finish() {
@@ -77,8 +83,9 @@ void Tracker::finish() {
     if (mesh_.compact_faces()) crossings_.build(mesh_);
     crossings_.face_of_pixels(mesh_, labels_);
     const double units = Image::kUnitsPerLab;
-    regions_ = grouping_.update(mesh_, image_, labels_,
-                                {config_.group_step * units, config_.keep_step * units});
+    const RegionRule one_region_a_face{0.0, 0.0};
+    const RegionRule by_step{config_.group_step * units, config_.keep_step * units};
+    regions_ = grouping_.update(mesh_, image_, labels_, literal() ? one_region_a_face : by_step);
 }
 
 void Tracker::deform(int reach_px, int most_cycles, bool keep_means) {
@@ -92,12 +99,15 @@ void Tracker::deform(int reach_px, int most_cycles, bool keep_means) {
         waiting = total < kProgress * best ? 0 : waiting + 1;
         best = std::min(best, total);
 
-        move_vertices(mesh_, d, reach_px, cycle < kFullGainCycles ? 1.0 : kLateGain);
+        if (literal())
+            move_by_forces(mesh_, d);
+        else
+            move_vertices(mesh_, d, reach_px, cycle < kFullGainCycles ? 1.0 : kLateGain);
         settle_moves(mesh_, crossings_);
         double longest = 0;
         for (const Vertex& v : mesh_.vertices) longest = std::max(longest, v.moved);
 
-        const bool quiet = longest < kQuiet;
+        const bool quiet = longest < (literal() ? kLiteralQuiet : kQuiet);
         const bool stuck = waiting >= kPatience;
         if (quiet || stuck || cycle % kMaintenancePeriod == kMaintenancePeriod - 1) {
             const int changes = maintain(reach_px);
@@ -117,8 +127,10 @@ int Tracker::maintain(int reach_px) {
     apply([&](Mesh& mesh, const Spared& spared) { return insert_vertices(mesh, d, spared); });
     apply(delete_vertices);
     apply(zip_thorns);
-    apply(snap_contacts);
-    apply(snap_to_border);
+    if (!literal()) {
+        apply(snap_contacts);
+        apply(snap_to_border);
+    }
     const int pieces = split();
     if (pieces > 0) changes += pieces + merge();
     return changes;
@@ -134,7 +146,7 @@ int Tracker::split() {
 }
 
 int Tracker::merge() {
-    const int merged = merge_faces(mesh_, {eta(), config_.min_area_px, config_.min_width_px});
+    const int merged = merge_faces(mesh_, {eta(), config_.min_area_px, literal() ? 0.0 : config_.min_width_px});
     if (merged > 0) {
         crossings_.build(mesh_);
         update_means();
@@ -159,7 +171,17 @@ void Tracker::cut_out_news() {
     const std::vector<int> news = new_off_pixels(off(), known_off_);
     if (news.empty()) return;
     crossings_.face_of_pixels(mesh_, labels_);
-    if (fragment_faces(mesh_, labels_, news, config_.square_px) == 0) return;
+    if (fragment_faces(mesh_, labels_, news, config_.square_px) > 0) regroup();
+}
+
+void Tracker::fragment() {
+    update_means();
+    crossings_.face_of_pixels(mesh_, labels_);
+    if (fragment_ill_filled(mesh_, labels_, image_, eta(), config_.min_area_px, config_.square_px) > 0) regroup();
+}
+
+// The net anew from labels that have just been cut into pieces.
+void Tracker::regroup() {
     vectorise(mesh_, crossings_, labels_);
     split();
     update_means();
@@ -169,8 +191,13 @@ void Tracker::cut_out_news() {
 
 const std::vector<Disparity>& Tracker::disparity(int reach_px) {
     if (disparity_version_ != crossings_.version() || disparity_reach_px_ != reach_px) {
-        const auto eta_units = static_cast<float>(eta());
-        disparity_ = measure_disparity(mesh_, crossings_, image_, {eta_units * eta_units}, reach_px);
+        if (literal()) {
+            crossings_.face_of_pixels(mesh_, labels_);
+            disparity_ = measure_literal_disparity(mesh_, labels_, image_, eta(), reach_px);
+        } else {
+            const auto eta_units = static_cast<float>(eta());
+            disparity_ = measure_disparity(mesh_, crossings_, image_, {eta_units * eta_units}, reach_px);
+        }
         disparity_version_ = crossings_.version();
         disparity_reach_px_ = reach_px;
     }

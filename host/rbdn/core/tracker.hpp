@@ -18,7 +18,7 @@ namespace rbdn {
 
 class Tracker {
 public:
-    explicit Tracker(const Config& config) : config_(config), image_(config.lightness_weight) {}
+    explicit Tracker(const Config& config) : config_(config), image_(config) {}
 
     // Fits the net to the next image (8-bit blue, green, red). `source` tells, for every pixel, which pixel of the last
     // frame the camera's rotation brought there (negative: none); empty where the camera did not turn much.
@@ -45,7 +45,12 @@ private:
     void cut_out_news();
     const std::vector<Disparity>& disparity(int reach_px);
     const PixelSet& off();
-    double eta() const { return config_.merge_distance * Image::kUnitsPerLab; }
+    void fragment();
+    void regroup();
+    bool literal() const { return config_.mode == Mode::kPaper; }
+    double eta() const {
+        return Image::kUnitsPerLab * (literal() ? config_.rgb_distance : config_.merge_distance);
+    }
 
     Config config_;
     Image image_;
