@@ -69,10 +69,10 @@ class AreaMethod:
         own_share : by region id, the share of its outline that is not the outline of something nearer
         """
         for event in snapshot.events:
-            # what split or swallowed another is not the thing whose area was followed
-            if event.kind in ("split", "merge"):
-                for broken in (event.id, event.parent):
-                    self._histories.pop(broken if broken is not None else -1, None)
+            # what lost a part or swallowed another no longer shows what was followed
+            for changed in (event.id, event.parent):
+                if changed is not None:
+                    self._histories.pop(changed, None)
         for old in [k for k, h in self._histories.items() if snapshot.seq - h.last_seq > FORGET_FRAMES]:
             del self._histories[old]
         return {r.id: self._region(r, station, own_share.get(r.id, 1.0)) for r in snapshot.regions}

@@ -49,10 +49,9 @@ class Estimator:
         )
         self._station = station
         for event in snapshot.events:
-            if event.kind in ("split", "merge"):
-                self._memory.forget(event.id)
-                if event.parent is not None:
-                    self._memory.forget(event.parent)
+            for changed in (event.id, event.parent):
+                if changed is not None:
+                    self._memory.forget(changed)
         self._memory.forget_unseen(snapshot.seq)
         outlines = self._outline.update(snapshot, station)
         own = outlines.own_share

@@ -34,7 +34,7 @@ class Net:
         self._core = _core.NetCore(_core_config(self._config))
         self._seq = 0
         self._shape: tuple[int, ...] | None = None
-        self._born: dict[int, int] = {}
+        self._origins: dict[int, tuple[int, int | None]] = {}  # of every region: seq of its birth, parent
 
     def track(self, image: np.ndarray, rotation: np.ndarray | None = None) -> Snapshot:
         """Fit the net to the next image.
@@ -107,13 +107,13 @@ class Net:
 
     def _snapshot(self, fine: dict[str, np.ndarray], net_ms: float, begin: float) -> Snapshot:
         ids = fine["region_ids"]
-        events = self._events(ids, fine["region_parents"])
+        events = self._events(fine)
         loops = _loops_of_regions(fine, len(ids))
         regions = tuple(
             Region(
                 id=int(ids[k]),
-                parent=int(fine["region_parents"][k]) if fine["region_parents"][k] >= 0 else None,
-                born_seq=self._born[int(ids[k])],
+                parent=self._origins[int(ids[k])][1],
+                born_seq=self._origins[int(ids[k])][0],
                 area_px=float(fine["area_px"][k]),
                 sigma_area_px=float(fine["sigma_area_px"][k]),
                 touches_border=bool(fine["touches_border"][k]),
@@ -142,18 +142,19 @@ class Net:
             refine_ms=1e3 * (time.perf_counter() - begin),
         )
 
-    def _events(self, ids: np.ndarray, parents: np.ndarray) -> tuple[Event, ...]:
-        present = {int(i) for i in ids}
+    def _events(self, fine: dict[str, np.ndarray]) -> tuple[Event, ...]:
+        """What changed in the set of regions; keeps track of where each came from."""
         events = []
-        for i, parent in zip(ids.tolist(), parents.tolist(), strict=True):
-            if i in self._born:
+        new = zip(fine["region_ids"], fine["region_parents"], fine["region_is_news"], strict=True)
+        for region, parent, is_news in ((int(r), _known(p), bool(n)) for r, p, n in new):
+            if region in self._origins:
                 continue
-            self._born[i] = self._seq
+            self._origins[region] = self._seq, parent
             if self._seq > 0:
-                events.append(Event("split", i, parent) if parent >= 0 else Event("birth", i, None))
-        for gone in sorted(set(self._born) - present):
-            del self._born[gone]
-            events.append(Event("end", gone, None))
+                events.append(Event("birth" if is_news or parent is None else "split", region, parent))
+        for region, became in zip(fine["gone_ids"].tolist(), map(_known, fine["gone_became"]), strict=True):
+            del self._origins[region]
+            events.append(Event("end" if became is None else "merge", region, became))
         return tuple(events)
 
 
@@ -162,6 +163,10 @@ def _core_config(config: NetConfig) -> _core.Config:
     for name, value in asdict(config).items():
         setattr(out, name, _core.Mode[value] if name == "mode" else value)
     return out
+
+
+def _known(region: int) -> int | None:
+    return int(region) if region >= 0 else None
 
 
 def _turn(lens: Lens, pixels: np.ndarray, rotation: np.ndarray) -> np.ndarray:

@@ -14,7 +14,7 @@ class Region:
     """One region of the image. Coordinates in pixels, integer = pixel centre, x right, y down."""
 
     id: int  # kept from frame to frame
-    parent: int | None  # the region it was split from, if any
+    parent: int | None  # the region it came out of when it was new, if any
     born_seq: int  # frame in which the id first appeared
     area_px: float  # soft area, sub-pixel
     sigma_area_px: float  # its standard error
@@ -48,11 +48,17 @@ class Contour:
 
 @dataclass(frozen=True)
 class Event:
-    """A change in the set of regions."""
+    """A change in the set of regions after the first frame.
+
+    ``birth``: something new in the picture; `parent` is the region in which it appeared, None where a turn of
+    the camera brought it in. ``split``: a part of `parent` that fell off, or was told apart from it only now.
+    ``merge``: its pixels became part of `parent`. ``end``: it left the image, was hidden, or shrank to less
+    than is worth following; `parent` is None.
+    """
 
     kind: str  # "birth", "split", "merge" or "end"
     id: int
-    parent: int | None  # for "split": where it came from; for "merge": what it became
+    parent: int | None
 
 
 @dataclass(frozen=True)

@@ -117,6 +117,14 @@ private:
             for (int c = 0; c < 3; ++c) rgb[3 * r + c] /= std::max(pixels[r], 1.0);
         out["region_ids"] = to_array(regions.id);
         out["region_parents"] = to_array(regions.parent);
+        out["region_is_news"] = to_array(regions.is_news);
+        std::vector<std::int64_t> gone, became;
+        for (const rbdn::GoneRegion& region : regions.gone) {
+            gone.push_back(region.id);
+            became.push_back(region.became);
+        }
+        out["gone_ids"] = to_array(gone);
+        out["gone_became"] = to_array(became);
         out["touches_border"] = to_array(std::vector<std::uint8_t>(at_border.begin(), at_border.end()));
         out["mean_rgb"] = to_array(rgb, {static_cast<std::size_t>(count), 3});
     }

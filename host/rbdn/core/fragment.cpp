@@ -121,6 +121,7 @@ int cut_squares(Mesh& mesh, std::vector<int>& labels, const std::vector<int>& pi
         if (static_cast<int>(piece.size()) < smallest_piece) continue;
         const int host = std::get<0>(key);
         const int face = mesh.add_face();
+        mesh.faces[face].is_news = true;
         if (host >= 0) {
             mesh.faces[face].mean = mesh.faces[host].mean;
             mesh.faces[face].parent =

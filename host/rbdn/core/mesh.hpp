@@ -48,6 +48,7 @@ struct Face {
     std::int64_t id = 0;
     std::int64_t region = -1;  // id of the region it belonged to in the last frame; -1 for a new face
     std::int64_t parent = -1;  // region a new face was cut from
+    bool is_news = false;      // cut out in the present frame, since the picture had changed there
     ColourSum sum;
     Colour mean{};
 };

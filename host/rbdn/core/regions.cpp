@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <tuple>
 
 namespace rbdn {
 
@@ -12,12 +13,40 @@ namespace {
 constexpr double kStripNear = 2.5;  // px from the edge, past its blur
 constexpr double kStripFar = 4.5;
 constexpr int kFewSamples = 6;
+constexpr double kForeign = 0.75;  // of the way from a face's own mean to its neighbour's
+constexpr int kSampleStep = 4;  // px between the pixels at which the last frame is remembered
 constexpr float kExtraLightness = 1.5F;  // steps discount lightness less than merging does
 
-struct Step {
-    std::array<double, 3> left{}, right{};
-    int left_count = 0, right_count = 0;
+// Colours beside an edge, or beside all edges between two faces.
+struct Strip {
+    std::array<double, 3> sum{};
+    int count = 0;
+
+    void add(const Colour& colour) {
+        for (int k = 0; k < 3; ++k) sum[k] += colour[k];
+        ++count;
+    }
+    void add(const Strip& other) {
+        for (int k = 0; k < 3; ++k) sum[k] += other.sum[k];
+        count += other.count;
+    }
 };
+
+struct Step {
+    Strip left, right;
+};
+
+// Does a strip show the face beyond the edge rather than its own? Such an edge is out of place, and the colour
+// steps elsewhere. At a cut through a shaded surface both strips are half way between the faces' means.
+bool is_foreign(const Strip& strip, const Colour& own, const Colour& beyond) {
+    double along = 0, between2 = 0;
+    for (int k = 0; k < 3; ++k) {
+        const double direction = beyond[k] - own[k];
+        along += direction * (strip.sum[k] - strip.count * own[k]);
+        between2 += direction * direction;
+    }
+    return along > kForeign * strip.count * between2;
+}
 
 using FacePair = std::pair<int, int>;
 
@@ -33,23 +62,24 @@ std::map<FacePair, Step> measure_steps(const Mesh& mesh, const Image& image, con
         const Vec2 a = mesh.vertices[e.a].p;
         const Vec2 unit = (1.0 / size) * mesh.along(e);
         const Vec2 normal = left_normal(mesh.along(e));
-        const auto sample = [&](Vec2 p, int face, std::array<double, 3>& sum, int& count) {
+        const auto sample = [&](Vec2 p, int face, Strip& strip) {
             const int x = floor_px(p.x), y = floor_px(p.y);
             if (x < 0 || y < 0 || x >= mesh.width || y >= mesh.height) return;
             if (labels[static_cast<std::size_t>(y) * mesh.width + x] != face) return;
-            const Colour colour = image.colour_of(image.row(y) + 3 * x);
-            for (int k = 0; k < 3; ++k) sum[k] += colour[k];
-            ++count;
+            strip.add(image.colour_of(image.row(y) + 3 * x));
         };
+        Strip left, right;
         for (double s = 0.5; s < size; s += 1.0) {
             const Vec2 on_edge = a + s * unit;
             for (double d = kStripNear; d <= kStripFar; d += 1.0) {
-                auto& left = swapped ? step.right : step.left;
-                auto& right = swapped ? step.left : step.right;
-                sample(on_edge + d * normal, e.left, left, swapped ? step.right_count : step.left_count);
-                sample(on_edge - d * normal, e.right, right, swapped ? step.left_count : step.right_count);
+                sample(on_edge + d * normal, e.left, left);
+                sample(on_edge - d * normal, e.right, right);
             }
         }
+        const Colour &left_mean = mesh.faces[e.left].mean, &right_mean = mesh.faces[e.right].mean;
+        if (is_foreign(left, left_mean, right_mean) || is_foreign(right, right_mean, left_mean)) continue;
+        (swapped ? step.right : step.left).add(left);
+        (swapped ? step.left : step.right).add(right);
     }
     return steps;
 }
@@ -57,8 +87,8 @@ std::map<FacePair, Step> measure_steps(const Mesh& mesh, const Image& image, con
 double step_size(const Step& step, const Face& left, const Face& right) {
     double sum = 0;
     for (int k = 0; k < 3; ++k) {
-        const double a = step.left_count >= kFewSamples ? step.left[k] / step.left_count : left.mean[k];
-        const double b = step.right_count >= kFewSamples ? step.right[k] / step.right_count : right.mean[k];
+        const double a = step.left.count >= kFewSamples ? step.left.sum[k] / step.left.count : left.mean[k];
+        const double b = step.right.count >= kFewSamples ? step.right.sum[k] / step.right.count : right.mean[k];
         const double difference = (a - b) * (k == 0 ? kExtraLightness : 1.0F);
         sum += difference * difference;
     }
@@ -82,9 +112,28 @@ private:
 
 }  // namespace
 
+void RegionGrouping::expect(const Mesh& mesh, const std::vector<int>& labels) {
+    known_.clear();
+    for (const Face& face : mesh.faces) known_.push_back({face.id, face.region, face.mean});
+    expected_face_.clear();
+    for (int y = 0; y < mesh.height; y += kSampleStep)
+        for (int x = 0; x < mesh.width; x += kSampleStep)
+            expected_face_.push_back(labels[static_cast<std::size_t>(y) * mesh.width + x]);
+}
+
 RegionSet RegionGrouping::update(Mesh& mesh, const Image& image, const std::vector<int>& labels,
                                  const RegionRule& rule) {
-    UnionFind groups(mesh.faces.size());
+    RegionSet set;
+    set.of_face = group_faces(mesh, image, labels, rule);
+    name_groups(mesh, set);
+    set.gone = find_gone(mesh, image, labels, rule, set);
+    return set;
+}
+
+// Group of every face, numbered from 0 in the order of the faces.
+std::vector<int> RegionGrouping::group_faces(const Mesh& mesh, const Image& image, const std::vector<int>& labels,
+                                             const RegionRule& rule) {
+    UnionFind joined(mesh.faces.size());
     std::set<std::pair<std::int64_t, std::int64_t>> links;
     for (const auto& [pair, step] : measure_steps(mesh, image, labels)) {
         const Face& a = mesh.faces[pair.first];
@@ -92,62 +141,121 @@ RegionSet RegionGrouping::update(Mesh& mesh, const Image& image, const std::vect
         const auto key = std::minmax(a.id, b.id);
         const bool linked = links_.contains({key.first, key.second});
         if (step_size(step, a, b) < (linked ? rule.keep_step : rule.link_step)) {
-            groups.join(pair.first, pair.second);
+            joined.join(pair.first, pair.second);
             links.insert({key.first, key.second});
         }
     }
     links_.swap(links);
 
-    RegionSet set;
-    set.of_face.assign(mesh.faces.size(), -1);
+    std::vector<int> group;
     std::map<int, int> index_of_root;
     for (std::size_t f = 0; f < mesh.faces.size(); ++f) {
-        const auto [place, is_new] = index_of_root.try_emplace(groups.find(static_cast<int>(f)),
-                                                               static_cast<int>(index_of_root.size()));
-        set.of_face[f] = place->second;
+        const int next = static_cast<int>(index_of_root.size());
+        group.push_back(index_of_root.try_emplace(joined.find(static_cast<int>(f)), next).first->second);
     }
-    const std::size_t count = index_of_root.size();
+    return group;
+}
 
-    // Every face votes with its pixels for the region it was in; a region's id goes to the group that holds
-    // most of it, and each group takes the best id left to it.
+// Every face votes with its pixels for the region it was in; a region's id goes to the group that holds most of
+// it, and each group takes the best id left to it. New faces vote for the region they were cut from, but after all
+// others: so a region that was cut up and regrouped altogether is still itself.
+void RegionGrouping::name_groups(Mesh& mesh, RegionSet& set) {
     struct Vote {
         std::int64_t pixels;
         std::int64_t region;
         int group;
+        bool by_new_face;
     };
-    std::map<std::pair<int, std::int64_t>, std::int64_t> tally, parents;
+    const std::size_t count =
+        set.of_face.empty() ? 0 : 1 + *std::max_element(set.of_face.begin(), set.of_face.end());
+    std::map<std::tuple<bool, int, std::int64_t>, std::int64_t> tally;
+    std::vector<std::int64_t> news(count, 0), all(count, 0);
     for (std::size_t f = 0; f < mesh.faces.size(); ++f) {
-        const Face& face = mesh.faces[f];
-        if (face.region >= 0)
-            tally[{set.of_face[f], face.region}] += face.sum.count;
-        else if (face.parent >= 0)
-            parents[{set.of_face[f], face.parent}] += face.sum.count;
+        Face& face = mesh.faces[f];
+        const int group = set.of_face[f];
+        const bool is_new = face.region < 0;
+        const std::int64_t region = is_new ? face.parent : face.region;
+        if (region >= 0) tally[{is_new, group, region}] += face.sum.count;
+        all[group] += face.sum.count;
+        if (is_new && face.is_news) news[group] += face.sum.count;
+        face.is_news = false;
     }
     std::vector<Vote> votes;
-    for (const auto& [key, pixels] : tally) votes.push_back({pixels, key.second, key.first});
-    std::stable_sort(votes.begin(), votes.end(), [](const Vote& a, const Vote& b) { return a.pixels > b.pixels; });
+    for (const auto& [key, pixels] : tally)
+        votes.push_back({pixels, std::get<2>(key), std::get<1>(key), std::get<0>(key)});
+    std::stable_sort(votes.begin(), votes.end(), [](const Vote& a, const Vote& b) {
+        return a.by_new_face != b.by_new_face ? b.by_new_face : a.pixels > b.pixels;
+    });
 
-    set.id.assign(count, -1);
-    set.parent.assign(count, -1);
+    set.id.assign(count, kNoRegion);
+    set.parent.assign(count, kNoRegion);
+    set.is_news.assign(count, 0);
     std::set<std::int64_t> taken;
     for (const Vote& v : votes) {
         if (set.id[v.group] >= 0 || taken.contains(v.region)) continue;
         set.id[v.group] = v.region;
         taken.insert(v.region);
     }
+    std::vector<std::int64_t> most(count, 0);
+    for (const Vote& v : votes) {
+        if (set.id[v.group] >= 0 || v.pixels <= most[v.group]) continue;
+        most[v.group] = v.pixels;
+        set.parent[v.group] = v.region;
+    }
     for (std::size_t g = 0; g < count; ++g) {
         if (set.id[g] >= 0) continue;
-        std::int64_t most = -1;
-        for (const auto* source : {&tally, &parents})
-            for (const auto& [key, pixels] : *source)
-                if (key.first == static_cast<int>(g) && pixels > most) {
-                    most = pixels;
-                    set.parent[g] = key.second;
-                }
+        set.is_news[g] = 2 * news[g] > all[g];
         set.id[g] = next_id_++;
     }
     for (std::size_t f = 0; f < mesh.faces.size(); ++f) mesh.faces[f].region = set.id[set.of_face[f]];
-    return set;
+}
+
+std::vector<GoneRegion> RegionGrouping::find_gone(const Mesh& mesh, const Image& image,
+                                                  const std::vector<int>& labels, const RegionRule& rule,
+                                                  const RegionSet& set) const {
+    std::set<std::int64_t> missing;
+    for (const Known& face : known_)
+        if (face.region >= 0) missing.insert(face.region);
+    for (std::int64_t id : set.id) missing.erase(id);
+    std::vector<GoneRegion> gone;
+    for (std::int64_t id : missing) gone.push_back({id, what_became_of(id, mesh, image, labels, rule, set)});
+    return gone;
+}
+
+// Most pixels of a region that was merged are still to be seen where they were expected; they only belong to
+// another region now. What was hidden or left shows its neighbour's colours there instead.
+std::int64_t RegionGrouping::what_became_of(std::int64_t region, const Mesh& mesh, const Image& image,
+                                            const std::vector<int>& labels, const RegionRule& rule,
+                                            const RegionSet& set) const {
+    std::map<std::int64_t, const Known*> by_id;
+    for (const Known& face : known_) by_id[face.id] = &face;
+    const int columns = (mesh.width + kSampleStep - 1) / kSampleStep;
+    std::map<int, int> seen_in;  // group -> samples
+    int expected = 0;
+    for (std::size_t n = 0; n < expected_face_.size(); ++n) {
+        const int face = expected_face_[n];
+        if (face < 0 || face >= static_cast<int>(known_.size()) || known_[face].region != region) continue;
+        ++expected;
+        const int x = static_cast<int>(n) % columns * kSampleStep, y = static_cast<int>(n) / columns * kSampleStep;
+        const int owner = labels[static_cast<std::size_t>(y) * mesh.width + x];
+        const auto before = by_id.find(mesh.faces[owner].id);
+        const Colour colour = image.colour_of(image.row(y) + 3 * x);
+        const float away2 = distance2(colour, known_[face].mean);
+        const bool still_there =
+            before == by_id.end()            ? away2 < rule.same_colour * rule.same_colour
+            : before->second->region == region ? true
+                                             : away2 < distance2(colour, before->second->mean);
+        if (still_there) ++seen_in[set.of_face[owner]];
+    }
+    int most = 0;
+    std::int64_t became = kNoRegion;
+    for (const auto& [group, samples] : seen_in) {
+        if (samples <= most) continue;
+        most = samples;
+        became = set.id[group];
+    }
+    const bool worth_it = most * kSampleStep * kSampleStep >= rule.smallest_px && 2 * most >= expected;
+    return worth_it ? became : kNoRegion;
 }
 
 }  // namespace rbdn

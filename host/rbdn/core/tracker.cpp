@@ -56,8 +56,9 @@ void Tracker::start() {
 }
 
 void Tracker::follow(const std::vector<int>& source) {
+    if (!source.empty()) labels_ = turn_labels(mesh_, labels_, source, config_.square_px);
+    grouping_.expect(mesh_, labels_);
     if (!source.empty()) {
-        labels_ = turn_labels(mesh_, labels_, source, config_.square_px);
         known_off_ = PixelSet{};
         vectorise(mesh_, crossings_, labels_);
         split();
@@ -83,9 +84,10 @@ void Tracker::finish() {
     if (mesh_.compact_faces()) crossings_.build(mesh_);
     crossings_.face_of_pixels(mesh_, labels_);
     const double units = Image::kUnitsPerLab;
-    const RegionRule one_region_a_face{0.0, 0.0};
-    const RegionRule by_step{config_.group_step * units, config_.keep_step * units};
-    regions_ = grouping_.update(mesh_, image_, labels_, literal() ? one_region_a_face : by_step);
+    // In the paper every polygon is a region.
+    const RegionRule rule{literal() ? 0.0 : config_.group_step * units, literal() ? 0.0 : config_.keep_step * units,
+                          kOffGate * eta(), config_.min_area_px};
+    regions_ = grouping_.update(mesh_, image_, labels_, rule);
 }
 
 void Tracker::deform(int reach_px, int most_cycles, bool keep_means) {
