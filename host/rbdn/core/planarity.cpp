@@ -66,6 +66,19 @@ private:
     std::vector<int> items_;
 };
 
+// Edges of the image border that run backwards or nowhere: their vertices have passed each other, perhaps by less
+// than a pixel, where no row or column sees it.
+void collect_folded_border(const Mesh& mesh, std::vector<int>& bad) {
+    const Vec2 centre{0.5 * mesh.width, 0.5 * mesh.height};
+    for (int k = 0; k < static_cast<int>(mesh.edges.size()); ++k) {
+        const Edge& e = mesh.edges[k];
+        if (e.dead || !e.on_border()) continue;
+        // Positive where the centre, and so the image, lies to the right of the edge.
+        const double turn = cross(mesh.along(e), centre - mesh.vertices[e.a].p);
+        if (e.left == kOutside ? turn <= 0 : turn >= 0) bad.push_back(k);
+    }
+}
+
 }  // namespace
 
 std::vector<int> find_faults(const Mesh& mesh, const Crossings& crossings) {
@@ -75,6 +88,7 @@ std::vector<int> find_faults(const Mesh& mesh, const Crossings& crossings) {
     for (int v : mesh.vertices_with_torn_wedges())
         for (int e : mesh.spokes[v]) bad.push_back(e);
     EdgeGrid(mesh).collect_crossing(bad);
+    collect_folded_border(mesh, bad);
     std::sort(bad.begin(), bad.end());
     bad.erase(std::unique(bad.begin(), bad.end()), bad.end());
     return bad;
