@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from dataclasses import asdict
 
 import numpy as np
@@ -36,7 +37,12 @@ class Net:
         self._shape: tuple[int, ...] | None = None
         self._origins: dict[int, tuple[int, int | None]] = {}  # of every region: seq of its birth, parent
 
-    def track(self, image: np.ndarray, rotation: np.ndarray | None = None) -> Snapshot:
+    def track(
+        self,
+        image: np.ndarray,
+        rotation: np.ndarray | None = None,
+        displacement: Mapping[int, tuple[float, float]] | None = None,
+    ) -> Snapshot:
         """Fit the net to the next image.
 
         Parameters
@@ -46,15 +52,21 @@ class Net:
         rotation
             (3, 3), how the camera turned since the last image: ``X_last = rotation @ X_now``. Used before the
             first cycle where it moves pixels by more than a few.
+        displacement
+            By region id, how many pixels (right, down) it is expected to have moved since the last image, the
+            rotation left out. Its outline is put there before the first cycle; an edge between two regions
+            goes with the one that moves more. Without it, a thing that leaves its last place altogether from
+            one image to the next is lost. Ids that are no more are passed over.
 
         Raises
         ------
         InputError
-            for an image of another kind or size.
+            for an image of another kind or size, or a displacement that is no finite number.
         """
         self._check(image)
         begin = time.perf_counter()
         image = np.ascontiguousarray(image)
+        self._displace(displacement or {})
         source = self._turned_from(rotation)
         self._core.track(image, source)
         net_ms = 1e3 * (time.perf_counter() - begin)
@@ -86,6 +98,15 @@ class Net:
                 f"{self._shape[1]}x{self._shape[0]}: a net keeps one size, start another net"
             )
         self._shape = image.shape
+
+    def _displace(self, displacement: Mapping[int, tuple[float, float]]) -> None:
+        known = {region: by for region, by in displacement.items() if region in self._origins}
+        by_px = np.array(list(known.values()), float).reshape(-1, 2)
+        if not np.isfinite(by_px).all():
+            region = list(known)[int(np.argmin(np.isfinite(by_px).all(1)))]
+            raise InputError(f"displacement of region {region} is {known[region]}: give finite pixels")
+        if len(known) > 0:
+            self._core.displace(np.array(list(known), np.int64), by_px)
 
     def _turned_from(self, rotation: np.ndarray | None) -> np.ndarray:
         """For every pixel the pixel of the last image that the rotation brought there, -1 for none."""

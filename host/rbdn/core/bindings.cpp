@@ -17,6 +17,8 @@ using namespace nb::literals;
 namespace {
 
 using ByteImage = nb::ndarray<const std::uint8_t, nb::shape<-1, -1, 3>, nb::c_contig, nb::device::cpu>;
+using IdArray = nb::ndarray<const std::int64_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using PointArray = nb::ndarray<const double, nb::shape<-1, 2>, nb::c_contig, nb::device::cpu>;
 using IntArray = nb::ndarray<const std::int32_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 
 template <class T>
@@ -46,6 +48,13 @@ public:
         const std::vector<int> turned(source.data(), source.data() + source.shape(0));
         nb::gil_scoped_release release;
         tracker_.track(bgr.data(), width, height, turned);
+    }
+
+    void displace(const IdArray& regions, const PointArray& by_px) {
+        std::vector<rbdn::Displacement> displacements;
+        for (std::size_t k = 0; k < regions.shape(0); ++k)
+            displacements.push_back({regions(k), {by_px(k, 0), by_px(k, 1)}});
+        tracker_.displace(displacements);
     }
 
     nb::dict refine(const ByteImage& bgr) {
@@ -215,6 +224,8 @@ NB_MODULE(_core, m) {
         .def(nb::init<const rbdn::Config&>(), "config"_a)
         .def("track", &NetCore::track, "bgr"_a, "source"_a,
              "Fit the net to an 8-bit BGR image; `source` as in Tracker::track, empty for none.")
+        .def("displace", &NetCore::displace, "regions"_a, "by_px"_a,
+             "Put regions, by id, where they are expected in the next image; before track.")
         .def("refine", &NetCore::refine, "bgr"_a, "Regions, loops, vertices and sub-pixel outline as arrays.")
         .def("faces", &NetCore::faces, "Vertices, edges (a, b, left, right), face means and the label image.")
         .def_prop_ro("cycles", &NetCore::cycles)

@@ -87,6 +87,14 @@ bool Mesh::is_corner(int vertex) const {
     return (s & (kLeftSide | kRightSide)) && (s & (kTopSide | kBottomSide));
 }
 
+void Mesh::place(int vertex, Vec2 target) {
+    if (is_corner(vertex)) return;
+    constexpr double kInset = 0.02;  // other vertices stay off the border, and border vertices off the corners
+    Vertex& v = vertices[vertex];
+    if (!(v.sides & (kLeftSide | kRightSide))) v.p.x = std::clamp(target.x, kInset, width - kInset);
+    if (!(v.sides & (kTopSide | kBottomSide))) v.p.y = std::clamp(target.y, kInset, height - kInset);
+}
+
 void Mesh::kill_edge(int e) {
     edges[e].dead = true;
     spokes[edges[e].a].remove(e);

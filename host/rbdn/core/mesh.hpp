@@ -85,6 +85,9 @@ public:
     int degree(int vertex) const { return spokes[vertex].count; }
     bool is_corner(int vertex) const;
 
+    // Puts a vertex as near to `target` as its side of the image allows; image corners stay.
+    void place(int vertex, Vec2 target);
+
     void kill_edge(int e);
     void move_end(int e, int from, int to);
     void split_edge(int e, int vertex);  // a new edge takes the far half

@@ -41,6 +41,12 @@ void Tracker::track(const std::uint8_t* bgr, int width, int height, const std::v
     ++frames_;
 }
 
+void Tracker::displace(const std::vector<Displacement>& displacements) {
+    known_off_ = displace_pixels(known_off_, mesh_, labels_, displacements);
+    displace_regions(mesh_, crossings_, displacements);
+    crossings_.face_of_pixels(mesh_, labels_);
+}
+
 void Tracker::start() {
     mesh_.make_grid(image_.width(), image_.height(), config_.square_px);
     crossings_.build(mesh_);

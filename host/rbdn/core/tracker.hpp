@@ -6,6 +6,7 @@
 
 #include "config.hpp"
 #include "crossings.hpp"
+#include "displace.hpp"
 #include "forces.hpp"
 #include "fragment.hpp"
 #include "image.hpp"
@@ -23,6 +24,9 @@ public:
     // Fits the net to the next image (8-bit blue, green, red). `source` tells, for every pixel, which pixel of the last
     // frame the camera's rotation brought there (negative: none); empty where the camera did not turn much.
     void track(const std::uint8_t* bgr, int width, int height, const std::vector<int>& source);
+
+    // Puts regions of the last frame where they are expected in the next image, in the last one's coordinates.
+    void displace(const std::vector<Displacement>& displacements);
 
     const Mesh& mesh() const { return mesh_; }
     const RegionSet& regions() const { return regions_; }
