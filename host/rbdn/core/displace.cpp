@@ -62,17 +62,15 @@ void displace_regions(Mesh& mesh, Crossings& crossings, const std::vector<Displa
     settle_moves(mesh, crossings);
 }
 
-PixelSet displace_pixels(const PixelSet& pixels, const Mesh& mesh, const std::vector<int>& labels,
-                         const std::vector<Displacement>& displacements) {
+void displace_pixels(OffMemory& pixels, const Mesh& mesh, const std::vector<int>& labels,
+                     const std::vector<Displacement>& displacements) {
     const std::vector<int> of_face = displacements_of_faces(mesh, displacements);
-    PixelSet moved(pixels.width(), pixels.height());
-    for (int k : pixels.list()) {
+    pixels.move([&](int k) {
         const int which = of_face[labels[k]];
         const Vec2 by = which < 0 ? Vec2{} : displacements[which].by;
-        const int x = k % pixels.width() + floor_px(by.x + 0.5), y = k / pixels.width() + floor_px(by.y + 0.5);
-        if (x >= 0 && y >= 0 && x < pixels.width() && y < pixels.height()) moved.add(y * pixels.width() + x);
-    }
-    return moved;
+        const int x = k % mesh.width + floor_px(by.x + 0.5), y = k / mesh.width + floor_px(by.y + 0.5);
+        return x >= 0 && y >= 0 && x < mesh.width && y < mesh.height ? y * mesh.width + x : -1;
+    });
 }
 
 }  // namespace rbdn

@@ -19,9 +19,9 @@ struct Displacement {
 // moves more, and outlines belong to what is nearer. A region that would tear the net goes only as far as it can.
 void displace_regions(Mesh& mesh, Crossings& crossings, const std::vector<Displacement>& displacements);
 
-// Pixels of the last frame where they go with their regions. `labels`, face of every pixel, are those before the
+// Moves off-pixels of the last frame with their regions. `labels`, face of every pixel, are those before the
 // displacement.
-PixelSet displace_pixels(const PixelSet& pixels, const Mesh& mesh, const std::vector<int>& labels,
-                         const std::vector<Displacement>& displacements);
+void displace_pixels(OffMemory& pixels, const Mesh& mesh, const std::vector<int>& labels,
+                     const std::vector<Displacement>& displacements);
 
 }  // namespace rbdn

@@ -9,9 +9,9 @@ namespace rbdn {
 
 namespace {
 
-constexpr int kSmallestBlob = 60;   // px; below this, off-pixels are noise
 constexpr int kSmallestPiece = 20;  // px; smaller cuttings stay with their face
-constexpr int kSpread = 3;          // px by which known off-pixels may have moved
+constexpr int kSpread = 4;          // px by which known off-pixels may have moved
+constexpr double kGrowth = 1.5;     // of a blob, after which it is tried again
 constexpr int kCoarse = 2;          // px between the samples that are looked at first
 
 struct Blob {
@@ -46,15 +46,6 @@ BlobList find_blobs(const PixelSet& set) {
     }
     list.pixels = seen.list();
     return list;
-}
-
-bool is_near(const PixelSet& set, int pixel) {
-    if (set.empty()) return false;
-    const int x = pixel % set.width(), y = pixel / set.width();
-    for (int j = std::max(0, y - kSpread); j <= std::min(set.height() - 1, y + kSpread); ++j)
-        for (int i = std::max(0, x - kSpread); i <= std::min(set.width() - 1, x + kSpread); ++i)
-            if (set.has(j * set.width() + i)) return true;
-    return false;
 }
 
 // Finds the pixels far from their face's mean, by a coarse look first and a close one where that found something.
@@ -150,17 +141,78 @@ PixelSet off_pixels(const Mesh& mesh, const Crossings& crossings, const Image& i
     return off;
 }
 
-std::vector<int> new_off_pixels(const PixelSet& off, const PixelSet& known) {
+std::vector<int> OffMemory::take_news(const PixelSet& off, double smallest_px) {
+    struct Tried {
+        int pixel, size;
+    };
+    std::vector<int> news;
+    std::vector<Tried> shown;
     const BlobList list = find_blobs(off);
-    std::vector<int> chosen;
     for (const Blob& blob : list.blobs) {
         const int size = blob.last - blob.first;
-        if (size < kSmallestBlob) continue;
         const auto begin = list.pixels.begin() + blob.first, end = list.pixels.begin() + blob.last;
-        const auto covered = std::count_if(begin, end, [&](int k) { return is_near(known, k); });
-        if (2 * covered < size) chosen.insert(chosen.end(), begin, end);
+        int covered = 0, tried = 0;
+        for (auto pixel = begin; pixel != end; ++pixel)
+            if (const int near = tried_near(*pixel)) {
+                ++covered;
+                tried = std::max(tried, near);
+            }
+        const bool known = 2 * covered >= size && size <= kGrowth * tried;
+        if (!known) {
+            if (size < smallest_px) continue;
+            news.insert(news.end(), begin, end);
+            tried = size;
+        }
+        for (auto pixel = begin; pixel != end; ++pixel) shown.push_back({*pixel, tried});
     }
-    return chosen;
+    forget();
+    width_ = off.width();
+    tried_px_.resize(static_cast<std::size_t>(off.width()) * off.height(), 0);
+    for (const Tried& t : shown) {
+        tried_px_[t.pixel] = t.size;
+        pixels_.push_back(t.pixel);
+    }
+    return news;
+}
+
+// Size remembered for the pixel or for one a few px away.
+int OffMemory::tried_near(int pixel) const {
+    if (pixels_.empty()) return 0;
+    const int height = static_cast<int>(tried_px_.size()) / width_;
+    const int x = pixel % width_, y = pixel / width_;
+    int most = 0;
+    for (int j : {y - kSpread, y, y + kSpread})
+        for (int i : {x - kSpread, x, x + kSpread})
+            if (i >= 0 && j >= 0 && i < width_ && j < height) most = std::max(most, tried_px_[j * width_ + i]);
+    return most;
+}
+
+void OffMemory::forget() {
+    for (int k : pixels_) tried_px_[k] = 0;
+    pixels_.clear();
+}
+
+void OffMemory::move(const std::function<int(int)>& place) {
+    std::vector<std::pair<int, int>> moved;
+    for (int k : pixels_)
+        if (const int to = place(k); to >= 0) moved.push_back({to, tried_px_[k]});
+    forget();
+    for (const auto& [to, size] : moved) {
+        if (tried_px_[to] == 0) pixels_.push_back(to);
+        tried_px_[to] = size;
+    }
+}
+
+void OffMemory::turn(const std::vector<int>& source) {
+    if (pixels_.empty()) return;
+    std::vector<int> turned(tried_px_.size(), 0);
+    pixels_.clear();
+    for (int k = 0; k < static_cast<int>(source.size()); ++k) {
+        if (source[k] < 0 || tried_px_[source[k]] == 0) continue;
+        turned[k] = tried_px_[source[k]];
+        pixels_.push_back(k);
+    }
+    tried_px_.swap(turned);
 }
 
 int fragment_faces(Mesh& mesh, std::vector<int>& labels, const std::vector<int>& pixels, int square_px) {

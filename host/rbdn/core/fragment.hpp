@@ -1,6 +1,7 @@
 // Fragmentation: pixels that fit their polygon no longer are cut out of it, locally (section 3 of the paper).
 #pragma once
 
+#include <functional>
 #include <vector>
 
 #include "crossings.hpp"
@@ -39,9 +40,28 @@ private:
 // every second pixel of every second row finds something are the others looked at.
 PixelSet off_pixels(const Mesh& mesh, const Crossings& crossings, const Image& image, double gate);
 
-// Pixels of the blobs that are news: large enough, and not mostly off in the last frame already (`known`), which
-// would be shading.
-std::vector<int> new_off_pixels(const PixelSet& off, const PixelSet& known);
+// Which off-pixels were cut out before and stayed off: shading and texture, not worth another try.
+class OffMemory {
+public:
+    // Pixels of the blobs that are news: at least `smallest_px` of them, and not mostly tried before at about this
+    // size. A thing that enters grows from nothing, so small blobs are left alone until they are large enough to
+    // last, and blobs that grow are tried again. Remembers what it was shown.
+    std::vector<int> take_news(const PixelSet& off, double smallest_px);
+
+    // Moves what is remembered: `place(k)` is where pixel k goes, negative for nowhere.
+    void move(const std::function<int(int)>& place);
+
+    // The same after a turn of the camera: `source[k]` is the old pixel seen at k, negative for none.
+    void turn(const std::vector<int>& source);
+
+private:
+    int tried_near(int pixel) const;
+    void forget();
+
+    int width_ = 0;
+    std::vector<int> tried_px_;  // by pixel: size of its blob when that was last tried, 0 for never
+    std::vector<int> pixels_;    // those that have one
+};
 
 // Cuts pixels out of their faces into faces of their own, in squares, so that the deformation can regroup them.
 // Returns how many faces were made.

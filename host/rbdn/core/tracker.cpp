@@ -22,6 +22,7 @@ constexpr double kLateGain = 0.5;
 constexpr double kOffGate = 1.6;      // eta; farther than this from its face, a pixel is off
 constexpr int kStartMeanRows = 1;     // means are taken over every so many rows; squares need all of theirs
 constexpr int kTrackMeanRows = 4;
+constexpr double kNewsShare = 0.3;    // of the smallest polygon's area: a part may fit
 constexpr int kFragmentations = 2;    // per frame
 constexpr int kRegroupCycles = 8;     // after each
 
@@ -29,7 +30,7 @@ constexpr int kRegroupCycles = 8;     // after each
 
 void Tracker::track(const std::uint8_t* bgr, int width, int height, const std::vector<int>& source) {
     image_.load(bgr, width, height, frames_ == 0 ? kStartMeanRows : kTrackMeanRows);
-    means_version_ = disparity_version_ = off_version_ = kNone;
+    means_version_ = disparity_version_ = kNone;
     cycles_ = 0;
     for (Vertex& v : mesh_.vertices) v.fresh = false;
     for (Edge& e : mesh_.edges) e.settled = false;
@@ -42,7 +43,7 @@ void Tracker::track(const std::uint8_t* bgr, int width, int height, const std::v
 }
 
 void Tracker::displace(const std::vector<Displacement>& displacements) {
-    known_off_ = displace_pixels(known_off_, mesh_, labels_, displacements);
+    displace_pixels(known_off_, mesh_, labels_, displacements);
     displace_regions(mesh_, crossings_, displacements);
     crossings_.face_of_pixels(mesh_, labels_);
 }
@@ -65,7 +66,7 @@ void Tracker::follow(const std::vector<int>& source) {
     if (!source.empty()) labels_ = turn_labels(mesh_, labels_, source, config_.square_px);
     grouping_.expect(mesh_, labels_);
     if (!source.empty()) {
-        known_off_ = PixelSet{};
+        known_off_.turn(source);
         vectorise(mesh_, crossings_, labels_);
         split();
         update_means();
@@ -86,7 +87,6 @@ void Tracker::finish() {
     merge();
     if (split() > 0) merge();
     update_means();
-    known_off_ = off();
     if (mesh_.compact_faces()) crossings_.build(mesh_);
     crossings_.face_of_pixels(mesh_, labels_);
     const double units = Image::kUnitsPerLab;
@@ -165,7 +165,7 @@ int Tracker::merge() {
 void Tracker::update_means() {
     if (means_version_ == crossings_.version()) return;
     means_version_ = crossings_.version();
-    disparity_version_ = off_version_ = kNone;
+    disparity_version_ = kNone;
     const std::vector<ColourSum> sums = crossings_.face_sums(mesh_, image_);
     for (std::size_t k = 0; k < mesh_.faces.size(); ++k) {
         mesh_.faces[k].sum = sums[k];
@@ -176,7 +176,8 @@ void Tracker::update_means() {
 // Fragmentation (section 3): what does not fit its polygon becomes small squares, and the deformation regroups them.
 void Tracker::cut_out_news() {
     update_means();
-    const std::vector<int> news = new_off_pixels(off(), known_off_);
+    const PixelSet off = off_pixels(mesh_, crossings_, image_, kOffGate * eta());
+    const std::vector<int> news = known_off_.take_news(off, kNewsShare * config_.min_area_px);
     if (news.empty()) return;
     crossings_.face_of_pixels(mesh_, labels_);
     if (fragment_faces(mesh_, labels_, news, config_.square_px) > 0) regroup();
@@ -210,14 +211,6 @@ const std::vector<Disparity>& Tracker::disparity(int reach_px) {
         disparity_reach_px_ = reach_px;
     }
     return disparity_;
-}
-
-const PixelSet& Tracker::off() {
-    if (off_version_ != crossings_.version()) {
-        off_ = off_pixels(mesh_, crossings_, image_, kOffGate * eta());
-        off_version_ = crossings_.version();
-    }
-    return off_;
 }
 
 }  // namespace rbdn

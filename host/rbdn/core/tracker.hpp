@@ -48,7 +48,6 @@ private:
     void update_means();
     void cut_out_news();
     const std::vector<Disparity>& disparity(int reach_px);
-    const PixelSet& off();
     void fragment();
     void regroup();
     bool literal() const { return config_.mode == Mode::kPaper; }
@@ -64,7 +63,7 @@ private:
     RegionGrouping grouping_;
     RegionSet regions_;
     std::vector<int> labels_;
-    PixelSet known_off_;  // off-pixels left over from the last frame
+    OffMemory known_off_;
 
     // Derived from image, mesh and crossings; good while the version of the crossings is the one beside them.
     static constexpr int kNone = -1;
@@ -72,8 +71,6 @@ private:
     std::vector<Disparity> disparity_;
     int disparity_version_ = kNone;
     int disparity_reach_px_ = 0;
-    PixelSet off_;
-    int off_version_ = kNone;
 
     int frames_ = 0;
     int cycles_ = 0;
