@@ -9,9 +9,22 @@ namespace {
 
 constexpr double kCell = 16.0;
 
-bool cross_properly(Vec2 a, Vec2 b, Vec2 c, Vec2 d) {
+// Edges without a common vertex may not even touch: along a touch, faces would have no area.
+bool meet(Vec2 a, Vec2 b, Vec2 c, Vec2 d) {
     const Vec2 ab = b - a, cd = d - c;
-    return cross(ab, c - a) * cross(ab, d - a) < 0 && cross(cd, a - c) * cross(cd, b - c) < 0;
+    const double c_side = cross(ab, c - a), d_side = cross(ab, d - a);
+    if (c_side * d_side > 0) return false;
+    const double a_side = cross(cd, a - c), b_side = cross(cd, b - c);
+    if (a_side * b_side > 0) return false;
+    if (c_side != 0 || d_side != 0 || a_side != 0 || b_side != 0) return true;
+    // All on one line.
+    return std::max(std::min(a.x, b.x), std::min(c.x, d.x)) <= std::min(std::max(a.x, b.x), std::max(c.x, d.x)) &&
+           std::max(std::min(a.y, b.y), std::min(c.y, d.y)) <= std::min(std::max(a.y, b.y), std::max(c.y, d.y));
+}
+
+// Edges from a common vertex in the same direction.
+bool overlap(Vec2 common, Vec2 a, Vec2 b) {
+    return cross(a - common, b - common) == 0 && dot(a - common, b - common) >= 0;
 }
 
 // Cells of a coarse grid that an edge's bounding box covers.
@@ -39,14 +52,20 @@ public:
                 for (int j = i + 1; j < start_[cell + 1]; ++j) {
                     const Edge& e = mesh_.edges[items_[i]];
                     const Edge& f = mesh_.edges[items_[j]];
-                    if (e.a == f.a || e.a == f.b || e.b == f.a || e.b == f.b) continue;
-                    if (!cross_properly(at(e.a), at(e.b), at(f.a), at(f.b))) continue;
+                    if (!are_at_fault(e, f)) continue;
                     bad.push_back(items_[i]);
                     bad.push_back(items_[j]);
                 }
     }
 
 private:
+    bool are_at_fault(const Edge& e, const Edge& f) const {
+        const bool by_a = e.a == f.a || e.a == f.b, by_b = e.b == f.a || e.b == f.b;
+        if (!by_a && !by_b) return meet(at(e.a), at(e.b), at(f.a), at(f.b));
+        const int common = by_a ? e.a : e.b;
+        return overlap(at(common), at(e.other_end(common)), at(f.other_end(common)));
+    }
+
     Vec2 at(int vertex) const { return mesh_.vertices[vertex].p; }
 
     template <class Visit>
@@ -67,12 +86,16 @@ private:
 };
 
 // Edges of the image border that run backwards or nowhere: their vertices have passed each other, perhaps by less
-// than a pixel, where no row or column sees it.
+// than a pixel, where no row or column sees it. And inner edges that lie on the border.
 void collect_folded_border(const Mesh& mesh, std::vector<int>& bad) {
     const Vec2 centre{0.5 * mesh.width, 0.5 * mesh.height};
     for (int k = 0; k < static_cast<int>(mesh.edges.size()); ++k) {
         const Edge& e = mesh.edges[k];
-        if (e.dead || !e.on_border()) continue;
+        if (e.dead) continue;
+        if (!e.on_border()) {
+            if (mesh.vertices[e.a].sides & mesh.vertices[e.b].sides) bad.push_back(k);
+            continue;
+        }
         // Positive where the centre, and so the image, lies to the right of the edge.
         const double turn = cross(mesh.along(e), centre - mesh.vertices[e.a].p);
         if (e.left == kOutside ? turn <= 0 : turn >= 0) bad.push_back(k);
