@@ -2,6 +2,7 @@
 #include "crossings.hpp"
 
 #include <algorithm>
+#include <numeric>
 
 namespace rbdn {
 
@@ -15,9 +16,10 @@ int first_pixel_from(double coordinate) { return ceil_px(coordinate - 0.5); }
 
 }  // namespace
 
-void CrossingLines::build(const Mesh& mesh, Axis axis) {
+void CrossingLines::build(const Mesh& mesh, Axis axis, int step) {
     const bool rows = axis == Axis::kRows;
-    const int lines = rows ? mesh.height : mesh.width;
+    step_ = step;
+    const int lines = ((rows ? mesh.height : mesh.width) + step - 1) / step;
     const int size_px = rows ? mesh.width : mesh.height;
     start_.assign(lines + 1, 0);
     collect_tracks(mesh, rows);
@@ -31,6 +33,7 @@ void CrossingLines::build(const Mesh& mesh, Axis axis) {
 // One track an edge, counted into start_.
 void CrossingLines::collect_tracks(const Mesh& mesh, bool rows) {
     const int lines = static_cast<int>(start_.size()) - 1;
+    const auto first_line_from = [&](double u) { return step_ == 1 ? first_pixel_from(u) : ceil_px((u - 0.5) / step_); };
     tracks_.clear();
     for (int n = 0; n < static_cast<int>(mesh.edges.size()); ++n) {
         const Edge& e = mesh.edges[n];
@@ -39,8 +42,8 @@ void CrossingLines::collect_tracks(const Mesh& mesh, bool rows) {
         const double u = rows ? a.y : a.x, v = rows ? b.y : b.x;
         const double at_u = rows ? a.x : a.y, at_v = rows ? b.x : b.y;
         // Half open, so that a vertex on a line is counted by exactly one of its edges.
-        const int first = std::max(0, first_pixel_from(std::min(u, v)));
-        const int last = std::min(lines, first_pixel_from(std::max(u, v))) - 1;
+        const int first = std::max(0, first_line_from(std::min(u, v)));
+        const int last = std::min(lines, first_line_from(std::max(u, v))) - 1;
         if (first > last) continue;
         // A row meets the left face second where the edge runs down, a column where it runs left.
         const bool left_is_after = rows ? v > u : v < u;
@@ -53,7 +56,7 @@ void CrossingLines::collect_tracks(const Mesh& mesh, bool rows) {
 // Roughly from left to right (or top to bottom), so that the lines come out nearly sorted.
 void CrossingLines::sort_tracks(int size_px) {
     const auto bucket_of = [&](const Track& t) {
-        const double middle = t.at_from + t.slope * (0.5 * (t.first + t.last + 1) - t.from);
+        const double middle = t.at_from + t.slope * (0.5 * step_ * (t.first + t.last) + 0.5 - t.from);
         return std::clamp(static_cast<int>(middle), 0, size_px) >> kBucketShift;
     };
     bucket_.assign((size_px >> kBucketShift) + 2, 0);
@@ -67,7 +70,7 @@ void CrossingLines::fill_lines(int size_px) {
     fill_.assign(start_.begin(), start_.end() - 1);
     for (const Track& t : sorted_) {
         for (int k = t.first; k <= t.last; ++k) {
-            const double at = t.at_from + t.slope * (k + 0.5 - t.from);
+            const double at = t.at_from + t.slope * (k * step_ + 0.5 - t.from);
             int place = fill_[k]++;
             for (; place > start_[k] && items_[place - 1].at > at; --place) items_[place] = items_[place - 1];
             items_[place] = {at, std::clamp(first_pixel_from(at), 0, size_px), t.edge, t.before, t.after};
@@ -111,16 +114,17 @@ void CrossingLines::collect_bad_edges(std::vector<int>& bad) const {
     }
 }
 
-void Crossings::build(const Mesh& mesh) {
-    rows_.build(mesh, Axis::kRows);
-    columns_.build(mesh, Axis::kColumns);
+void Crossings::build(const Mesh& mesh, int step) {
+    rows_.build(mesh, Axis::kRows, step);
+    columns_.build(mesh, Axis::kColumns, step);
     ++version_;
 }
 
 std::vector<ColourSum> Crossings::face_sums(const Mesh& mesh, const Image& image) const {
     std::vector<ColourSum> sums(mesh.faces.size());
-    for (int y = 0; y < rows_.line_count(); y += image.row_step()) {
-        const auto crossings = rows_.line(y);
+    const int common = std::lcm(rows_.step(), image.row_step());
+    for (int y = 0; y < mesh.height; y += common) {
+        const auto crossings = rows_.line(y / rows_.step());
         const RowSums sum = image.row_sums(y);
         for (std::size_t i = 0; i + 1 < crossings.size(); ++i) {
             const int x0 = crossings[i].pixel, x1 = crossings[i + 1].pixel;

@@ -25,9 +25,11 @@ enum class Axis { kRows, kColumns };
 
 class CrossingLines {
 public:
-    void build(const Mesh& mesh, Axis axis);
+    // Takes every `step`-th line, from the first.
+    void build(const Mesh& mesh, Axis axis, int step);
 
     int line_count() const { return static_cast<int>(start_.size()) - 1; }
+    int step() const { return step_; }  // line k lies at pixel k * step()
     std::span<const Crossing> line(int k) const {
         return {items_.data() + start_[k], static_cast<std::size_t>(start_[k + 1] - start_[k])};
     }
@@ -48,6 +50,7 @@ private:
     void fill_lines(int size_px);
     bool put_ties_in_order();
 
+    int step_ = 1;
     std::vector<int> start_;
     std::vector<Crossing> items_;
     bool consistent_ = true;
@@ -59,7 +62,10 @@ private:
 
 class Crossings {
 public:
-    void build(const Mesh& mesh);
+    // Over all lines, or every `step`-th of them, which is enough to see where a moving net should go.
+    void build(const Mesh& mesh, int step = 1);
+
+    int step() const { return rows_.step(); }  // of the last build
 
     // Changes with every build(), so that what was derived from the lists can be kept as long as they stand.
     int version() const { return version_; }
@@ -67,10 +73,10 @@ public:
     const CrossingLines& rows() const { return rows_; }
     const CrossingLines& columns() const { return columns_; }
 
-    // Pixel sums of every face, one ColourSum a face, over the rows that the image keeps sums of.
+    // Pixel sums of every face, one ColourSum a face, over those lines that the image keeps sums of.
     std::vector<ColourSum> face_sums(const Mesh& mesh, const Image& image) const;
 
-    // Face of every pixel, row after row.
+    // Face of every pixel, row after row. Needs all lines.
     void face_of_pixels(const Mesh& mesh, std::vector<int>& face) const;
 
 private:

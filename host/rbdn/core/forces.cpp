@@ -11,37 +11,45 @@ namespace rbdn {
 namespace {
 
 constexpr int kDeepestRun = 24;
+constexpr double kStill = 0.2;  // px; smaller moves are noise of the counts, and edges at rest need no new look
 
 // Does `other` claim the pixel from `own`? Nearest mean, without the dead zone of the paper's two thresholds,
 // and near enough to `other` not to be a third colour.
 class Claim {
 public:
-    Claim(const Colour& own, const Colour& other, const ClaimRule& rule) : other_(other) {
-        float between2 = 0;
+    Claim(const Colour& own, const Colour& other, const ClaimRule& rule) {
+        int between2 = 0;
         for (int k = 0; k < 3; ++k) {
-            direction_[k] = other[k] - own[k];
+            const int from = static_cast<int>(std::lround(own[k]));
+            other_[k] = static_cast<int>(std::lround(other[k]));
+            direction_[k] = other_[k] - from;
             between2 += direction_[k] * direction_[k];
-            middle_ += direction_[k] * 0.5F * (other[k] + own[k]);
+            twice_middle_ += direction_[k] * (other_[k] + from);
         }
-        gate2_ = std::max(rule.eta2, 0.30F * between2);
+        gate2_ = std::max(static_cast<int>(rule.eta2), 3 * between2 / 10);
     }
 
-    bool operator()(const Colour& p) const {
-        const float projected = direction_[0] * p[0] + direction_[1] * p[1] + direction_[2] * p[2];
-        return projected > middle_ && distance2(p, other_) <= gate2_;
+    bool operator()(const ShortColour& p) const {
+        int projected = 0, apart2 = 0;
+        for (int k = 0; k < 3; ++k) {
+            projected += direction_[k] * p[k];
+            apart2 += (p[k] - other_[k]) * (p[k] - other_[k]);
+        }
+        return 2 * projected > twice_middle_ && apart2 <= gate2_;
     }
 
 private:
-    Colour other_;
-    Colour direction_{};
-    float middle_ = 0;
-    float gate2_ = 0;
+    // Whole colour units, so that sums are exact: below 2^12 a part, a product of two fits an int three times over.
+    int other_[3] = {};
+    int direction_[3] = {};
+    int twice_middle_ = 0;
+    int gate2_ = 0;
 };
 
 // What a scan needs to know of an edge, worked out once for all its crossings.
 struct Scan {
     bool by_rows;     // scanned along rows (steep) or along columns (flat)
-    bool idle;        // on the image border: nothing to claim
+    bool idle;        // nothing to claim (on the image border), or not asked for
     int depth;        // px along the line that make up the reach
     double middle;    // coordinate across the lines where half 1 begins
     bool a_is_first;  // half 0 lies at the smaller coordinates
@@ -49,7 +57,7 @@ struct Scan {
     Claim by_left;    // pixels of the right face
 };
 
-std::vector<Scan> plan_scans(const Mesh& mesh, const ClaimRule& rule, int reach_px) {
+std::vector<Scan> plan_scans(const Mesh& mesh, const ClaimRule& rule, int reach_px, Which which) {
     std::vector<Scan> scans;
     scans.reserve(mesh.edges.size());
     for (const Edge& e : mesh.edges) {
@@ -58,7 +66,8 @@ std::vector<Scan> plan_scans(const Mesh& mesh, const ClaimRule& rule, int reach_
         const bool by_rows = dy >= dx;
         const double steep = std::max({dx, dy, 1e-9});
         const double from = by_rows ? a.y : a.x, to = by_rows ? b.y : b.x;
-        const bool idle = e.on_border();
+        const bool asked = which == Which::kAllEdges || mesh.vertices[e.a].moved > 0 || mesh.vertices[e.b].moved > 0;
+        const bool idle = e.on_border() || !asked;
         const Colour left = idle ? Colour{} : mesh.faces[e.left].mean;
         const Colour right = idle ? Colour{} : mesh.faces[e.right].mean;
         scans.push_back({by_rows, idle,
@@ -74,8 +83,9 @@ void measure_along(const Mesh& mesh, const CrossingLines& lines, bool rows, cons
     const int stride = 3 * (rows ? 1 : mesh.width);
     for (int k = 0; k < lines.line_count(); ++k) {
         const auto crossings = lines.line(k);
-        const std::uint8_t* line = rows ? image.row(k) : image.row(0) + 3 * k;
-        const auto colour = [&](int at) { return image.colour_of(line + at * stride); };
+        const int place = k * lines.step();
+        const std::uint8_t* line = rows ? image.row(place) : image.row(0) + 3 * place;
+        const auto colour = [&](int at) { return image.short_colour_of(line + at * stride); };
         for (std::size_t i = 1; i + 1 < crossings.size(); ++i) {
             const Crossing& c = crossings[i];
             const Scan& scan = scans[c.edge];
@@ -93,10 +103,10 @@ void measure_along(const Mesh& mesh, const CrossingLines& lines, bool rows, cons
             for (int at = here; at < high && by_before(colour(at)); ++at) ++run_after;
             if (run_before + run_after == 0) continue;
 
-            const int half = (k + 0.5 < scan.middle) == scan.a_is_first ? 0 : 1;
+            const int half = (place + 0.5 < scan.middle) == scan.a_is_first ? 0 : 1;
             Disparity& d = out[c.edge];
-            d.left_claimed[half] += static_cast<float>(left_is_before ? run_before : run_after);
-            d.right_claimed[half] += static_cast<float>(left_is_before ? run_after : run_before);
+            d.left_claimed[half] += static_cast<float>(lines.step() * (left_is_before ? run_before : run_after));
+            d.right_claimed[half] += static_cast<float>(lines.step() * (left_is_before ? run_after : run_before));
         }
     }
 }
@@ -129,13 +139,14 @@ Vec2 solve_move(const NormalEquations& n, std::uint8_t sides) {
 
 }  // namespace
 
-std::vector<Disparity> measure_disparity(const Mesh& mesh, const Crossings& crossings, const Image& image,
-                                         const ClaimRule& rule, int reach_px) {
-    std::vector<Disparity> out(mesh.edges.size());
-    const std::vector<Scan> scans = plan_scans(mesh, rule, reach_px);
-    measure_along(mesh, crossings.rows(), true, image, scans, out);
-    measure_along(mesh, crossings.columns(), false, image, scans, out);
-    return out;
+void measure_disparity(const Mesh& mesh, const Crossings& crossings, const Image& image, const ClaimRule& rule,
+                       int reach_px, Which which, std::vector<Disparity>& disparity) {
+    disparity.resize(mesh.edges.size());
+    const std::vector<Scan> scans = plan_scans(mesh, rule, reach_px, which);
+    for (std::size_t k = 0; k < scans.size(); ++k)
+        if (which == Which::kAllEdges || !scans[k].idle) disparity[k] = {};
+    measure_along(mesh, crossings.rows(), true, image, scans, disparity);
+    measure_along(mesh, crossings.columns(), false, image, scans, disparity);
 }
 
 double total_disparity(const std::vector<Disparity>& disparity) {
@@ -196,12 +207,12 @@ void settle_moves(Mesh& mesh, Crossings& crossings) {
     constexpr int kTries = 9;
     std::vector<char> touched(mesh.vertices.size(), 0);
     for (int attempt = 0; attempt <= kTries; ++attempt) {
-        crossings.build(mesh);
+        crossings.build(mesh, crossings.step());
         const std::vector<int> bad = find_faults(mesh, crossings);
         if (bad.empty()) break;
         if (attempt == kTries) {
             for (Vertex& v : mesh.vertices) v.p = v.held;
-            crossings.build(mesh);
+            crossings.build(mesh, crossings.step());
             break;
         }
         for (int e : bad) touched[mesh.edges[e].a] = touched[mesh.edges[e].b] = 1;

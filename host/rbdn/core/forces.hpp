@@ -20,9 +20,13 @@ struct ClaimRule {
     float eta2;
 };
 
+enum class Which { kAllEdges, kMovedEdges };
+
 // Counts, for every edge, the unbroken run of pixels next to it that the other face claims, at most `reach_px` deep.
-std::vector<Disparity> measure_disparity(const Mesh& mesh, const Crossings& crossings, const Image& image,
-                                         const ClaimRule& rule, int reach_px);
+// Where only every n-th line was listed, each of its pixels counts n times. Edges that are not asked for keep
+// what `disparity` says of them.
+void measure_disparity(const Mesh& mesh, const Crossings& crossings, const Image& image, const ClaimRule& rule,
+                       int reach_px, Which which, std::vector<Disparity>& disparity);
 
 double total_disparity(const std::vector<Disparity>& disparity);
 

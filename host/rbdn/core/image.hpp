@@ -87,8 +87,9 @@ public:
     int height() const { return height_; }
     int row_step() const { return row_step_; }
 
-    // Pixels of a row, three bytes each, for colour_of().
+    // Pixels of a row, three bytes each, for the colour functions.
     const std::uint8_t* row(int y) const { return bgr_ + 3 * static_cast<std::size_t>(y) * width_; }
+    ShortColour short_colour_of(const std::uint8_t* pixel) const { return colours_(pixel); }
     Colour colour_of(const std::uint8_t* pixel) const {
         const ShortColour c = colours_(pixel);
         return {static_cast<float>(c[0]), static_cast<float>(c[1]), static_cast<float>(c[2])};

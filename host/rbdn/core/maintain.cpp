@@ -169,12 +169,12 @@ int transact(Mesh& mesh, Crossings& crossings, Mesh& saved, const Operation& ope
         if (changes == 0) {
             if (attempt > 0) {
                 mesh = saved;
-                crossings.build(mesh);
+                crossings.build(mesh, crossings.step());
             }
             return 0;
         }
         mesh.compact();
-        crossings.build(mesh);
+        crossings.build(mesh, crossings.step());
         const std::vector<int> bad = find_faults(mesh, crossings);
         if (bad.empty()) {
             for (Vertex& v : mesh.vertices) v.held = v.p;
@@ -191,7 +191,7 @@ int transact(Mesh& mesh, Crossings& crossings, Mesh& saved, const Operation& ope
         for (int v : widened) spared.insert(mesh.vertices[v].id);
         mesh = saved;
     }
-    crossings.build(mesh);
+    crossings.build(mesh, crossings.step());
     return 0;
 }
 

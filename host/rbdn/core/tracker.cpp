@@ -17,6 +17,8 @@ constexpr double kLiteralQuiet = 0.25;  // the same for its own forces, which go
 constexpr int kPatience = 4;          // cycles without progress before giving up: hard counts jitter for ever
 constexpr double kProgress = 0.97;
 constexpr int kMaintenancePeriod = 3;
+constexpr int kCoarseStep = 2;        // of the lines looked at until the first maintenance
+constexpr int kFullScans = 2;         // cycles after which edges at rest are not looked at again
 constexpr int kFullGainCycles = 6;
 constexpr double kLateGain = 0.5;
 constexpr double kOffGate = 1.6;      // eta; farther than this from its face, a pixel is off
@@ -99,10 +101,15 @@ void Tracker::finish() {
 void Tracker::deform(int reach_px, int most_cycles, bool keep_means) {
     double best = 1e300;
     int waiting = 0;
+    int steady_cycles = 0;  // with the same edges and hardly changing means
+    bool coarse = !literal();
+    sure_ = mesh_;
+    if (coarse) crossings_.build(mesh_, kCoarseStep);
     for (int cycle = 0; cycle < most_cycles; ++cycle) {
         ++cycles_;
         if (cycle > 0 || !keep_means) update_means();
-        const std::vector<Disparity>& d = disparity(reach_px);
+        const Which which = steady_cycles++ < kFullScans ? Which::kAllEdges : Which::kMovedEdges;
+        const std::vector<Disparity>& d = disparity(reach_px, which);
         const double total = total_disparity(d);
         waiting = total < kProgress * best ? 0 : waiting + 1;
         best = std::min(best, total);
@@ -118,26 +125,41 @@ void Tracker::deform(int reach_px, int most_cycles, bool keep_means) {
         const bool quiet = longest < (literal() ? kLiteralQuiet : kQuiet);
         const bool stuck = waiting >= kPatience;
         if (quiet || stuck || cycle % kMaintenancePeriod == kMaintenancePeriod - 1) {
+            if (coarse) list_all_lines();
+            coarse = false;
             const int changes = maintain(reach_px);
+            steady_cycles = 0;
             if (stuck || (quiet && changes == 0)) break;
         }
     }
+    if (coarse) list_all_lines();
+}
+
+// Fewer lines may miss a polygon that slipped whole between two of them; then the net goes back to where all of
+// them were looked at.
+void Tracker::list_all_lines() {
+    crossings_.build(mesh_);
+    if (find_faults(mesh_, crossings_).empty()) return;
+    mesh_ = sure_;
+    crossings_.build(mesh_);
 }
 
 int Tracker::maintain(int reach_px) {
     update_means();
     int changes = merge();
     saved_ = mesh_;
-    const auto apply = [&](const Operation& operation) {
-        changes += transact(mesh_, crossings_, saved_, operation);
-    };
-    const std::vector<Disparity>& d = disparity(reach_px);
+    const auto apply = [&](const Operation& operation) { return transact(mesh_, crossings_, saved_, operation); };
+    const std::vector<Disparity>& d = disparity(reach_px, Which::kAllEdges);
+    const std::int64_t first_new = mesh_.next_vertex_id;
     apply([&](Mesh& mesh, const Spared& spared) { return insert_vertices(mesh, d, spared); });
+    // A flat vertex more or less asks for no further cycle: insertion and deletion undo each other for ever.
     apply(delete_vertices);
-    apply(zip_thorns);
+    changes += static_cast<int>(std::count_if(mesh_.vertices.begin(), mesh_.vertices.end(),
+                                              [&](const Vertex& v) { return v.id >= first_new; }));
+    changes += apply(zip_thorns);
     if (!literal()) {
-        apply(snap_contacts);
-        apply(snap_to_border);
+        changes += apply(snap_contacts);
+        changes += apply(snap_to_border);
     }
     const int pieces = split();
     if (pieces > 0) changes += pieces + merge();
@@ -147,7 +169,7 @@ int Tracker::maintain(int reach_px) {
 int Tracker::split() {
     const int pieces = split_faces(mesh_);
     if (pieces > 0) {
-        crossings_.build(mesh_);
+        crossings_.build(mesh_, crossings_.step());
         update_means();
     }
     return pieces;
@@ -156,7 +178,7 @@ int Tracker::split() {
 int Tracker::merge() {
     const int merged = merge_faces(mesh_, {eta(), config_.min_area_px, literal() ? 0.0 : config_.min_width_px});
     if (merged > 0) {
-        crossings_.build(mesh_);
+        crossings_.build(mesh_, crossings_.step());
         update_means();
     }
     return merged;
@@ -198,14 +220,14 @@ void Tracker::regroup() {
     deform(config_.start_reach_px, kRegroupCycles, false);
 }
 
-const std::vector<Disparity>& Tracker::disparity(int reach_px) {
+const std::vector<Disparity>& Tracker::disparity(int reach_px, Which which) {
     if (disparity_version_ != crossings_.version() || disparity_reach_px_ != reach_px) {
         if (literal()) {
             crossings_.face_of_pixels(mesh_, labels_);
             disparity_ = measure_literal_disparity(mesh_, labels_, image_, eta(), reach_px);
         } else {
             const auto eta_units = static_cast<float>(eta());
-            disparity_ = measure_disparity(mesh_, crossings_, image_, {eta_units * eta_units}, reach_px);
+            measure_disparity(mesh_, crossings_, image_, {eta_units * eta_units}, reach_px, which, disparity_);
         }
         disparity_version_ = crossings_.version();
         disparity_reach_px_ = reach_px;

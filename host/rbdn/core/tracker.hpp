@@ -47,7 +47,8 @@ private:
     int split();
     void update_means();
     void cut_out_news();
-    const std::vector<Disparity>& disparity(int reach_px);
+    const std::vector<Disparity>& disparity(int reach_px, Which which);
+    void list_all_lines();
     void fragment();
     void regroup();
     bool literal() const { return config_.mode == Mode::kPaper; }
@@ -71,6 +72,7 @@ private:
     std::vector<Disparity> disparity_;
     int disparity_version_ = kNone;
     int disparity_reach_px_ = 0;
+    Mesh sure_;  // the net when all lines were last found consistent
 
     int frames_ = 0;
     int cycles_ = 0;
