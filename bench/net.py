@@ -1,6 +1,6 @@
 """The net's time and accuracy beside those of its rivals.
 
-    python -m bench.net [--json FILE] [--scenes N] [--rounds N]
+    python -m bench.net [--json FILE] [--scenes N] [--rounds N] [--judged-scenes N]
 
 Everything runs interleaved in one process on one core; times are thread CPU time, and the minimum is the
 figure to trust where other work shares the machine. Nothing passes or fails here.
@@ -22,10 +22,10 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from bench.flat_scenes import FlatScene, recall
+from bench.flat_scenes import DISTURBANCES, FlatScene, Score, labels_of, score
 from bench.memory import peak_mb_of_tracking
 from host.errors import InputError, run_command
-from host.rbdn import Net, Snapshot
+from host.rbdn import Net
 
 SIZES = ((320, 240), (640, 480), (1280, 720))
 MOTION_PX = 2.5  # a frame
@@ -35,7 +35,10 @@ WHOLE = "net, all of it, tracked"
 OURS = (FIRST, TRACKED, REFINED, WHOLE)
 FLOW = "DIS flow, ultrafast"
 NOT_INSTALLED = "not installed"
-REMEDY = "what is not installed comes with: .venv/bin/pip install -e '.[bench]'"
+REMEDY = (
+    "felzenszwalb and SLIC come with: .venv/bin/pip install -e '.[bench]'\n"
+    "SEEDS with opencv-contrib-python-headless in place of opencv-python-headless"
+)
 
 
 @dataclass(frozen=True)
@@ -48,6 +51,8 @@ class Options:
     """Random scenes at 320x240; fewer at larger sizes, for the same number of pixels."""
     rounds: int = 3
     """How often the net and the flow go through each scene."""
+    judged_scenes: int = 30
+    """Random scenes at 320x240, spoiled in each way, for the quality of the first frame; 0 for none."""
 
 
 @dataclass
@@ -55,16 +60,22 @@ class Row:
     """What one method did at one size."""
 
     times_ms: list[float] = field(default_factory=list)
-    found: int = 0
-    true: int = 0
+    score: Score = field(default_factory=Score)
+    images: int = 0  # that were scored
     note: str = ""
+
+    def judge(self, truth: np.ndarray, labels: np.ndarray) -> None:
+        """Adds what was found in one more image."""
+        self.score += score(truth, labels)
+        self.images += 1
 
     def figures(self) -> dict[str, float | str | None]:
         """The row for JSON; None where nothing was measured."""
         return {
             "min_ms": min(self.times_ms) if self.times_ms else None,
             "median_ms": median(self.times_ms) if self.times_ms else None,
-            "recall_iou_0.9": self.found / self.true if self.true else None,
+            "recall_iou_0.9": self.score.found / self.score.true if self.score.true else None,
+            "excess_regions_per_image": self.score.excess / self.images if self.images else None,
             "note": self.note,
         }
 
@@ -74,14 +85,28 @@ Segmenter = Callable[[np.ndarray], np.ndarray]
 
 def segmenters() -> dict[str, Segmenter | None]:
     """Rivals that make regions of one image, None where their package is missing."""
+    out: dict[str, Segmenter | None] = {"felzenszwalb": None, "SLIC": None, "SEEDS": None}
     try:
         from skimage.segmentation import felzenszwalb, slic  # pyright: ignore[reportMissingImports]
+
+        out["felzenszwalb"] = lambda image: felzenszwalb(_rgb(image), scale=300, sigma=0.8, min_size=200)
+        out["SLIC"] = lambda image: slic(_rgb(image), n_segments=200, compactness=10, start_label=0)
     except ImportError:
-        return {"felzenszwalb": None, "SLIC": None}
-    return {
-        "felzenszwalb": lambda image: felzenszwalb(image, scale=300, sigma=0.8, min_size=200),
-        "SLIC": lambda image: slic(image, n_segments=200, compactness=10, start_label=0),
-    }
+        pass
+    if hasattr(cv2, "ximgproc"):
+        out["SEEDS"] = _seeds
+    return out
+
+
+def _rgb(image: np.ndarray) -> np.ndarray:
+    return np.ascontiguousarray(image[:, :, ::-1])
+
+
+def _seeds(image: np.ndarray) -> np.ndarray:
+    height, width = image.shape[:2]
+    run = cv2.ximgproc.createSuperpixelSEEDS(width, height, 3, 200, 4)  # pyright: ignore
+    run.iterate(cv2.cvtColor(image, cv2.COLOR_BGR2LAB), 5)
+    return run.getLabels()
 
 
 class TimedCore:
@@ -90,6 +115,13 @@ class TimedCore:
     def __init__(self, core) -> None:
         self._core = core
         self.track_ms = self.refine_ms = 0.0
+
+    @classmethod
+    def of(cls, net: Net) -> TimedCore:
+        """Puts itself into a net, which calls it from then on."""
+        core = cls(net._core)
+        net._core = core  # pyright: ignore[reportAttributeAccessIssue]
+        return core
 
     def track(self, bgr: np.ndarray, source: np.ndarray) -> None:
         begin = time.thread_time()
@@ -119,18 +151,34 @@ def measure_size(width: int, height: int, options: Options) -> dict[str, Row]:
         for turn in range(options.rounds):
             _follow(rows, frames, flow, judge=turn == 0)
         image, truth = frames[0]
-        rgb = np.ascontiguousarray(image[:, :, ::-1])
         for name, rival in rivals.items():
             if rival is not None:
-                _judge(rows[name], truth, _timed(rows[name], lambda run=rival, rgb=rgb: run(rgb)))
+                rows[name].judge(truth, _timed(rows[name], lambda run=rival, image=image: run(image)))
     return rows
+
+
+def judge_first_frames(scenes: int) -> dict[str, dict[str, Row]]:
+    """What is found in single images, by disturbance and method."""
+    rivals = segmenters()
+    results: dict[str, dict[str, Row]] = {}
+    for disturbance, how in DISTURBANCES.items():
+        rows = results[disturbance] = {FIRST: Row()}
+        rows |= {name: Row(note="" if rival else NOT_INSTALLED) for name, rival in rivals.items()}
+        for seed in range(scenes):
+            image, truth = FlatScene(seed).draw(320, 240, disturbance=how)
+            core = TimedCore.of(net := Net())
+            rows[FIRST].judge(truth, labels_of(net.track(image), 320, 240))
+            rows[FIRST].times_ms.append(core.track_ms)
+            for name, rival in rivals.items():
+                if rival is not None:
+                    rows[name].judge(truth, _timed(rows[name], lambda run=rival, image=image: run(image)))
+    return results
 
 
 def _follow(rows: dict[str, Row], frames: list[tuple[np.ndarray, np.ndarray]], flow, judge: bool) -> None:
     """One new net through the frames, the flow of the same frames in between."""
     net = Net()
-    core = TimedCore(net._core)
-    net._core = core  # pyright: ignore[reportAttributeAccessIssue]
+    core = TimedCore.of(net)
     before = None
     for k, (image, truth) in enumerate(frames):
         begin = time.thread_time()
@@ -141,7 +189,7 @@ def _follow(rows: dict[str, Row], frames: list[tuple[np.ndarray, np.ndarray]], f
         row.times_ms.append(core.track_ms)
         rows[REFINED].times_ms.append(core.refine_ms)
         if judge:
-            _judge(row, truth, _labels_of(snapshot, *truth.shape))
+            row.judge(truth, labels_of(snapshot, truth.shape[1], truth.shape[0]))
         grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
         if before is not None:
             _timed(rows[FLOW], lambda a=before, b=grey: flow.calc(a, b, None))  # pyright: ignore
@@ -155,28 +203,12 @@ def _timed(row: Row, run: Callable[[], np.ndarray]) -> np.ndarray:
     return out
 
 
-def _judge(row: Row, truth: np.ndarray, labels: np.ndarray) -> None:
-    found, true = recall(truth, labels)
-    row.found += found
-    row.true += true
-
-
-def _labels_of(snapshot: Snapshot, height: int, width: int) -> np.ndarray:
-    """Region of every pixel, painted from the snapshot's outlines."""
-    labels = np.zeros((height, width), np.int32)
-    # Largest first, so that what lies in a hole is painted over it.
-    for index, region in sorted(enumerate(snapshot.regions), key=lambda item: -item[1].area_px):
-        outline = np.round(16 * region.loops[0]).astype(np.int32)
-        cv2.fillPoly(labels, [outline], (index + 1,), shift=4)
-    return labels
-
-
 def table_of(results: dict[str, dict[str, Row]], memory_mb: float) -> Table:
     """The figures as a person wants them: one row a method and size."""
     table = Table(title=f"Flat scenes, noise 4, motion {MOTION_PX} px a frame; thread CPU time on one core")
     for heading in ("image", "method"):
         table.add_column(heading)
-    for heading in ("min ms", "median ms", "x flow", "recall at IoU .9"):
+    for heading in ("min ms", "median ms", "x flow", "found at IoU .9", "excess"):
         table.add_column(heading, justify="right")
     for size, rows in results.items():
         one_flow = min(rows[FLOW].times_ms)
@@ -185,14 +217,35 @@ def table_of(results: dict[str, dict[str, Row]], memory_mb: float) -> Table:
                 table.add_row(size, name, row.note)
                 continue
             fastest = min(row.times_ms)
-            share = f"{100 * row.found / row.true:.1f} %" if row.true else ""
             times = (fastest, median(row.times_ms), fastest / one_flow)
-            table.add_row(size, name, *(f"{t:.2f}" for t in times), share)
+            table.add_row(size, name, *(f"{t:.2f}" for t in times), *_quality(row))
         table.add_section()
     table.caption = f"Peak memory of a process tracking 1280x720: {memory_mb:.0f} MB above its imports"
     if any(row.note for rows in results.values() for row in rows.values()):
         table.caption += escape(f"\n{REMEDY}")
     return table
+
+
+def quality_table_of(results: dict[str, dict[str, Row]]) -> Table:
+    """What is found in first frames, spoiled in several ways."""
+    scenes = max(row.images for rows in results.values() for row in rows.values())
+    table = Table(title=f"First frames of {scenes} flat scenes, 320x240, 2 to 6 overlapping shapes")
+    for heading in ("spoiled by", "method"):
+        table.add_column(heading)
+    for heading in ("median ms", "found at IoU .9", "excess"):
+        table.add_column(heading, justify="right")
+    for disturbance, rows in results.items():
+        for name, row in rows.items():
+            time_ms = f"{median(row.times_ms):.2f}" if row.times_ms else row.note
+            table.add_row(disturbance, name, time_ms, *_quality(row))
+        table.add_section()
+    return table
+
+
+def _quality(row: Row) -> tuple[str, str]:
+    if not row.images:
+        return "", ""
+    return f"{100 * row.score.found / row.score.true:.1f} %", f"{row.score.excess / row.images:.2f}"
 
 
 def main() -> None:
@@ -202,9 +255,15 @@ def main() -> None:
     results = {f"{width}x{height}": measure_size(width, height, options) for width, height in SIZES}
     memory_mb = peak_mb_of_tracking(1280, 720)
     Console().print(table_of(results, memory_mb))
+    quality = judge_first_frames(options.judged_scenes) if options.judged_scenes > 0 else {}
+    if quality:
+        Console().print(quality_table_of(quality))
     if options.json is not None:
         document = {
             "sizes": {size: {k: row.figures() for k, row in rows.items()} for size, rows in results.items()},
+            "first_frames": {
+                how: {k: row.figures() for k, row in rows.items()} for how, rows in quality.items()
+            },
             "peak_memory_mb_1280x720": memory_mb,
         }
         try:
