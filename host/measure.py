@@ -18,6 +18,7 @@ import math
 import os
 import tempfile
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -82,6 +83,7 @@ class MeasuredFrame:
                 "depth": self.depth_ms,
                 "total": self.total_ms,
             },
+            "limits": list(self.snapshot.limits),
             "regions": [_region_dict(region, self.depths) for region in self.snapshot.regions],
             "vertices": _vertex_dicts(self.snapshot, self.depths),
         }
@@ -303,6 +305,8 @@ def _print_table(last: MeasuredFrame, frames: list[dict[str, Any]], options: Mea
         f"{known} of {len(regions)} regions have a depth at the end",
         highlight=False,
     )
+    for limit, count in Counter(limit for frame in frames for limit in frame["limits"]).items():
+        console.print(f"in {count} of {len(frames)} frames: {limit}", highlight=False)
     for what, place in (("results", options.json), ("pictures", options.pictures)):
         if place is not None:
             console.print(f"{what}: {place}", highlight=False, soft_wrap=True, markup=False)

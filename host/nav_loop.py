@@ -192,7 +192,10 @@ def _summary_rows(result: dict[str, Any]) -> list[tuple[str, str]]:
             median, most = part["median_percent"], part["p90_percent"]
             text = f"median {median:.1f} %, 90 % below {most:.1f} % ({part['count']})"
         rows.append((f"depth error {name}", text))
-    rows.append(("frames", f"{result['frames']}, {result['dropped_frames']} dropped"))
+    frames = f"{result['frames']}, {result['dropped_frames']} dropped"
+    if result["limited_frames"]:
+        frames += f", a budget of the net acted in {result['limited_frames']}"
+    rows.append(("frames", frames))
     rows.append(("frame time", f"median {number(ms['median'], 'ms')}, p95 {number(ms['p95'], 'ms')}"))
     return rows
 

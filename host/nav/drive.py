@@ -186,6 +186,7 @@ class _Trip:
         log = self.log
         before = log.path[-1] if log.path else None
         log.distance_cm += self.pilot.path_step_cm(before, view.pose)
+        log.limited_frames += bool(view.snapshot.limits)
         log.path.append(view.pose)
         log.duration_s = t_s
         log.decide(t_s, command.v_mm_s, command.omega_rad_s, command.reason)

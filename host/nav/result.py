@@ -38,6 +38,7 @@ class DriveLog:
     frames: int = 0
     dropped_frames: int = 0
     refused_frames: int = 0  # stale, dark, blank or frozen ones
+    limited_frames: int = 0  # in which a budget of the net acted
     faults_cleared: int = 0
     frame_ms: list[float] = field(default_factory=list)  # capture to command, camera and line not counted
     path: list[Pose] = field(default_factory=list)  # of the camera, at every frame driven on
@@ -62,6 +63,7 @@ class DriveLog:
             "frames": self.frames,
             "dropped_frames": self.dropped_frames,
             "refused_frames": self.refused_frames,
+            "limited_frames": self.limited_frames,
             "faults_cleared": self.faults_cleared,
             "frame_time_ms": {
                 "median": round(float(np.median(ms)), 2) if len(ms) else None,

@@ -40,6 +40,10 @@ class NetConfig:
     """Polygons that are one region part only above this step."""
     refresh_frames: int = 5
     """Every so many frames the net is drawn anew from its own regions, for worn-off corners; 0: never."""
+    max_polygons: int = 0
+    """Most polygons; beyond, those nearest in colour are merged however far apart they are; 0: any number."""
+    max_ms: float = 0.0
+    """Most ms to fit a frame; the rest is left to the next. Where it acts, results vary; 0: any time."""
 
     def __post_init__(self) -> None:
         if self.mode not in get_args(Mode):
@@ -58,6 +62,8 @@ class NetConfig:
             "group_step": (0, 200),
             "keep_step": (0, 200),
             "refresh_frames": (0, 100000),
+            "max_polygons": (0, 1000000),
+            "max_ms": (0, 1e6),
         }
         for name, (low, high) in bounds.items():
             value = getattr(self, name)

@@ -161,7 +161,16 @@ class Net:
             cycles=self._core.cycles,
             net_ms=net_ms,
             refine_ms=1e3 * (time.perf_counter() - begin),
+            limits=self._limits(),
         )
+
+    def _limits(self) -> tuple[str, ...]:
+        limits = []
+        if self._core.polygons_limited:
+            limits.append(f"polygons merged further, to keep to {self._config.max_polygons}")
+        if self._core.time_limited:
+            limits.append(f"fitting stopped after {self._config.max_ms:g} ms")
+        return tuple(limits)
 
     def _events(self, fine: dict[str, np.ndarray]) -> tuple[Event, ...]:
         """What changed in the set of regions; keeps track of where each came from."""

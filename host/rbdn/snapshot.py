@@ -73,3 +73,4 @@ class Snapshot:
     cycles: int  # deformation cycles this frame took
     net_ms: float
     refine_ms: float
+    limits: tuple[str, ...] = ()  # budgets of the configuration that acted in this frame, in words

@@ -65,13 +65,15 @@ class TamperedLine:
         self._line.close()
 
 
-def run(simulation: Simulation, *, camera=None, line=None, max_time_s=8.0) -> tuple[DriveLog, int]:
+def run(
+    simulation: Simulation, *, camera=None, line=None, net: NetConfig | None = None, max_time_s=8.0
+) -> tuple[DriveLog, int]:
     """Drive with the given parts in place of the simulation's own."""
     robot = Robot(line or simulation.transport, simulation.clock)
     robot.connect()
     pilot = Pilot(
         simulation.world.lens, simulation.world.goal_cm,
-        net=NetConfig(), depth=DepthConfig(), body=BodyConfig(), nav=CONFIG,
+        net=net or NetConfig(), depth=DepthConfig(), body=BodyConfig(), nav=CONFIG,
     )  # fmt: skip
     return drive(
         camera or simulation.camera, robot, simulation.clock, pilot, CONFIG,
@@ -96,7 +98,7 @@ def test_it_drives_when_nothing_is_wrong():
     log, code = run(simulation, max_time_s=3.0)
     assert (log.outcome, code) == ("timeout", EXIT_DONE)
     assert travel_cm(simulation) > 6
-    assert log.refused_frames == 0
+    assert (log.refused_frames, log.limited_frames) == (0, 0)
     assert stands(simulation)
 
 
@@ -209,6 +211,11 @@ def test_a_bug_stops_the_motors_too():
     with pytest.raises(ZeroDivisionError):
         run(simulation, camera=TamperedCamera(simulation, 2.0, stumble))
     assert stands(simulation)
+
+
+def test_frames_in_which_a_budget_of_the_net_acted_are_counted():
+    log, _ = run(Simulation("sim:room?seed=3"), net=NetConfig(max_polygons=3), max_time_s=1.0)
+    assert 0 < log.limited_frames == log.as_dict()["limited_frames"] <= log.frames
 
 
 def test_dropped_frames_are_counted():

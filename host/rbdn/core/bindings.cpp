@@ -98,6 +98,8 @@ public:
     }
 
     int cycles() const { return tracker_.cycles(); }
+    bool polygons_limited() const { return tracker_.polygons_limited(); }
+    bool time_limited() const { return tracker_.time_limited(); }
     std::vector<int> faults() const { return tracker_.faults(); }
 
 private:
@@ -218,7 +220,9 @@ NB_MODULE(_core, m) {
         .def_rw("track_cycles", &rbdn::Config::track_cycles)
         .def_rw("group_step", &rbdn::Config::group_step)
         .def_rw("keep_step", &rbdn::Config::keep_step)
-        .def_rw("refresh_frames", &rbdn::Config::refresh_frames);
+        .def_rw("refresh_frames", &rbdn::Config::refresh_frames)
+        .def_rw("max_polygons", &rbdn::Config::max_polygons)
+        .def_rw("max_ms", &rbdn::Config::max_ms);
 
     nb::class_<NetCore>(m, "NetCore")
         .def(nb::init<const rbdn::Config&>(), "config"_a)
@@ -229,5 +233,7 @@ NB_MODULE(_core, m) {
         .def("refine", &NetCore::refine, "bgr"_a, "Regions, loops, vertices and sub-pixel outline as arrays.")
         .def("faces", &NetCore::faces, "Vertices, edges (a, b, left, right), face means and the label image.")
         .def_prop_ro("cycles", &NetCore::cycles)
+        .def_prop_ro("polygons_limited", &NetCore::polygons_limited, "The polygon budget acted in the last frame.")
+        .def_prop_ro("time_limited", &NetCore::time_limited, "The time budget acted in the last frame.")
         .def("faults", &NetCore::faults, "Edges at fault; empty for a consistent net.");
 }

@@ -21,6 +21,8 @@ struct Config {
     double group_step = 8.0;
     double keep_step = 12.0;
     int refresh_frames = 5;
+    int max_polygons = 0;
+    double max_ms = 0.0;
 };
 
 }  // namespace rbdn

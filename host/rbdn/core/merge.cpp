@@ -2,6 +2,7 @@
 #include "merge.hpp"
 
 #include <algorithm>
+#include <limits>
 #include <queue>
 #include <utility>
 #include <vector>
@@ -90,6 +91,7 @@ public:
 
     int size() const { return static_cast<int>(root_.size()); }
     bool alive(int face) const { return alive_[face] != 0; }
+    int living() const { return static_cast<int>(std::count(alive_.begin(), alive_.end(), 1)); }
     int version(int face) const { return version_[face]; }
     const Neighbours& neighbours(int face) const { return neighbours_[face]; }
     const Outline& outline(int face) const { return outline_[face]; }
@@ -144,7 +146,7 @@ struct Candidate {
     }
 };
 
-int merge_alike(FaceGraph& graph, double eta) {
+int merge_alike(FaceGraph& graph, double eta, int most_merges) {
     std::priority_queue<Candidate, std::vector<Candidate>, std::greater<>> queue;
     const auto offer = [&](int a, int b) {
         const double d2 = graph.colour_distance2(a, b);
@@ -157,7 +159,7 @@ int merge_alike(FaceGraph& graph, double eta) {
             if (a < b) offer(a, b);
 
     int merged = 0;
-    while (!queue.empty()) {
+    while (!queue.empty() && merged < most_merges) {
         const Candidate c = queue.top();
         queue.pop();
         if (!graph.alive(c.a) || !graph.alive(c.b)) continue;
@@ -209,6 +211,14 @@ bool may_merge(const Mesh& mesh, const MergeRule& rule) {
                        [&](const Outline& o) { return o.length_px > 0 && is_insignificant(o, rule); });
 }
 
+void apply(const FaceGraph& graph, Mesh& mesh) {
+    for (Edge& e : mesh.edges) {
+        if (e.left >= 0) e.left = graph.root_of(e.left);
+        if (e.right >= 0) e.right = graph.root_of(e.right);
+    }
+    mesh.compact();
+}
+
 }  // namespace
 
 int merge_faces(Mesh& mesh, const MergeRule& rule) {
@@ -216,15 +226,20 @@ int merge_faces(Mesh& mesh, const MergeRule& rule) {
     FaceGraph graph(mesh);
     int merged = 0;
     for (int more = 1; more > 0; merged += more) {
-        more = merge_alike(graph, rule.eta);
+        more = merge_alike(graph, rule.eta, graph.size());
         more += merge_insignificant(graph, rule);
     }
-    if (merged == 0) return 0;
-    for (Edge& e : mesh.edges) {
-        if (e.left >= 0) e.left = graph.root_of(e.left);
-        if (e.right >= 0) e.right = graph.root_of(e.right);
-    }
-    mesh.compact();
+    if (merged > 0) apply(graph, mesh);
+    return merged;
+}
+
+int merge_to_fit(Mesh& mesh, int most_faces) {
+    if (static_cast<int>(mesh.faces.size()) <= most_faces) return 0;
+    FaceGraph graph(mesh);
+    const int too_many = graph.living() - most_faces;
+    if (too_many <= 0) return 0;
+    const int merged = merge_alike(graph, std::numeric_limits<double>::infinity(), too_many);
+    apply(graph, mesh);
     return merged;
 }
 

@@ -14,4 +14,7 @@ struct MergeRule {
 // Merges until nothing is left to merge; faces' sums and means must be up to date. Returns how many were merged.
 int merge_faces(Mesh& mesh, const MergeRule& rule);
 
+// Merges the faces nearest in colour, however far apart, until no more than `most_faces` are left.
+int merge_to_fit(Mesh& mesh, int most_faces);
+
 }  // namespace rbdn

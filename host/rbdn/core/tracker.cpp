@@ -34,6 +34,8 @@ void Tracker::track(const std::uint8_t* bgr, int width, int height, const std::v
     image_.load(bgr, width, height, frames_ == 0 ? kStartMeanRows : kTrackMeanRows);
     means_version_ = disparity_version_ = kNone;
     cycles_ = 0;
+    begin_ = std::chrono::steady_clock::now();
+    polygons_limited_ = time_limited_ = false;
     for (Vertex& v : mesh_.vertices) v.fresh = false;
     for (Edge& e : mesh_.edges) e.settled = false;
     if (frames_ == 0)
@@ -123,7 +125,7 @@ void Tracker::deform(int reach_px, int most_cycles, bool keep_means) {
         for (const Vertex& v : mesh_.vertices) longest = std::max(longest, v.moved);
 
         const bool quiet = longest < (literal() ? kLiteralQuiet : kQuiet);
-        const bool stuck = waiting >= kPatience;
+        const bool stuck = waiting >= kPatience || (!quiet && out_of_time());
         if (quiet || stuck || cycle % kMaintenancePeriod == kMaintenancePeriod - 1) {
             if (coarse) list_all_lines();
             coarse = false;
@@ -181,7 +183,20 @@ int Tracker::merge() {
         crossings_.build(mesh_, crossings_.step());
         update_means();
     }
-    return merged;
+    const int to_fit = config_.max_polygons > 0 ? merge_to_fit(mesh_, config_.max_polygons) : 0;
+    if (to_fit > 0) {
+        polygons_limited_ = true;
+        crossings_.build(mesh_, crossings_.step());
+        update_means();
+    }
+    return merged + to_fit;
+}
+
+bool Tracker::out_of_time() {
+    if (config_.max_ms <= 0) return false;
+    const std::chrono::duration<double, std::milli> spent = std::chrono::steady_clock::now() - begin_;
+    time_limited_ = time_limited_ || spent.count() >= config_.max_ms;
+    return time_limited_;
 }
 
 void Tracker::update_means() {
@@ -197,6 +212,7 @@ void Tracker::update_means() {
 
 // Fragmentation (section 3): what does not fit its polygon becomes small squares, and the deformation regroups them.
 void Tracker::cut_out_news() {
+    if (out_of_time()) return;
     update_means();
     const PixelSet off = off_pixels(mesh_, crossings_, image_, kOffGate * eta());
     const std::vector<int> news = known_off_.take_news(off, kNewsShare * config_.min_area_px);
@@ -206,6 +222,7 @@ void Tracker::cut_out_news() {
 }
 
 void Tracker::fragment() {
+    if (out_of_time()) return;
     update_means();
     crossings_.face_of_pixels(mesh_, labels_);
     if (fragment_ill_filled(mesh_, labels_, image_, eta(), config_.min_area_px, config_.square_px) > 0) regroup();

@@ -1,6 +1,7 @@
 // The net's life: made on the first frame, carried to each next one (sections 2 and 3 of the paper).
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <vector>
 
@@ -33,6 +34,10 @@ public:
     const std::vector<int>& labels() const { return labels_; }  // face of every pixel
     int cycles() const { return cycles_; }
 
+    // Did a budget of the configuration act in the last frame?
+    bool polygons_limited() const { return polygons_limited_; }
+    bool time_limited() const { return time_limited_; }
+
     // Faults of the net as it stands; empty unless there is a bug.
     std::vector<int> faults() const { return find_faults(mesh_, crossings_); }
 
@@ -45,6 +50,7 @@ private:
     int maintain(int reach_px);
     int merge();
     int split();
+    bool out_of_time();  // asked where work is left
     void update_means();
     void cut_out_news();
     const std::vector<Disparity>& disparity(int reach_px, Which which);
@@ -76,6 +82,9 @@ private:
 
     int frames_ = 0;
     int cycles_ = 0;
+    std::chrono::steady_clock::time_point begin_{};  // of the frame
+    bool polygons_limited_ = false;
+    bool time_limited_ = false;
 };
 
 }  // namespace rbdn
