@@ -125,10 +125,9 @@ std::vector<ColourSum> Crossings::face_sums(const Mesh& mesh, const Image& image
     const int common = std::lcm(rows_.step(), image.row_step());
     for (int y = 0; y < mesh.height; y += common) {
         const auto crossings = rows_.line(y / rows_.step());
-        const RowSums sum = image.row_sums(y);
         for (std::size_t i = 0; i + 1 < crossings.size(); ++i) {
             const int x0 = crossings[i].pixel, x1 = crossings[i + 1].pixel;
-            if (x1 > x0 && crossings[i].after >= 0) sums[crossings[i].after].add_span(sum, x0, x1);
+            if (x1 > x0 && crossings[i].after >= 0) image.add_span(sums[crossings[i].after], y, x0, x1);
         }
     }
     return sums;

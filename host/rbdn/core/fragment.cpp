@@ -12,7 +12,7 @@ namespace {
 constexpr int kSmallestPiece = 20;  // px; smaller cuttings stay with their face
 constexpr int kSpread = 4;          // px by which known off-pixels may have moved
 constexpr double kGrowth = 1.5;     // of a blob, after which it is tried again
-constexpr int kCoarse = 2;          // px between the samples that are looked at first
+constexpr int kCoarse = 2;          // px, at least, between the samples that are looked at first
 
 struct Blob {
     int first;  // range of BlobList::pixels
@@ -48,37 +48,41 @@ BlobList find_blobs(const PixelSet& set) {
     return list;
 }
 
-// Finds the pixels far from their face's mean, by a coarse look first and a close one where that found something.
+// Finds the pixels far from their face's mean: on the lattice first, then beside what was found there.
 class FarSearch {
 public:
     FarSearch(const Mesh& mesh, const Crossings& crossings, const Image& image, double gate)
         : mesh_(mesh), crossings_(crossings), image_(image), gate2_(static_cast<float>(gate * gate)),
+          row_step_(std::max(kCoarse, image.row_step())), column_step_(std::max(kCoarse, image.column_step())),
           far_(mesh.width, mesh.height) {}
 
     PixelSet run() {
-        std::vector<int> above, here;  // places found on the coarse rows
-        for (int y = 0; y < mesh_.height; y += kCoarse) {
-            look_coarsely(y, here);
-            if (y > 0) {
-                look_closely(y - 1, above);
-                look_closely(y - 1, here);
-            }
+        std::vector<int> above, here, both;
+        for (int y = 0; y < mesh_.height; y += row_step_) {
+            look_on_lattice(y, here);
+            both.clear();
+            std::set_union(above.begin(), above.end(), here.begin(), here.end(), std::back_inserter(both));
+            for (int between = std::max(0, y - row_step_ + 1); between < y; ++between) look_closely(between, both);
             look_closely(y, here);
-            if (y + 2 == mesh_.height) look_closely(y + 1, here);
             above.swap(here);
         }
+        const int last = (mesh_.height - 1) / row_step_ * row_step_;
+        for (int below = last + 1; below < mesh_.height; ++below) look_closely(below, above);
         return std::move(far_);
     }
 
 private:
-    void look_coarsely(int y, std::vector<int>& places) const {
+    void look_on_lattice(int y, std::vector<int>& places) const {
         places.clear();
         const auto line = crossings_.rows().line(y);
-        const std::uint8_t* row = image_.row(y);
         for (std::size_t n = 0; n + 1 < line.size(); ++n) {
             const Colour mean = mesh_.faces[line[n].after].mean;
-            for (int x = (line[n].pixel + kCoarse - 1) / kCoarse * kCoarse; x < line[n + 1].pixel; x += kCoarse)
-                if (distance2(image_.colour_of(row + 3 * x), mean) > gate2_) places.push_back(x);
+            const int first = (line[n].pixel + column_step_ - 1) / column_step_ * column_step_;
+            for (int x = first; x < line[n + 1].pixel; x += column_step_) {
+                const ShortColour c = image_.lattice_colour(x, y);
+                const Colour colour{static_cast<float>(c[0]), static_cast<float>(c[1]), static_cast<float>(c[2])};
+                if (distance2(colour, mean) > gate2_) places.push_back(x);
+            }
         }
     }
 
@@ -86,8 +90,11 @@ private:
         const auto line = crossings_.rows().line(y);
         const std::uint8_t* row = image_.row(y);
         std::size_t n = 0;
+        int next = 0;  // the first pixel not looked at yet
         for (int place : places)
-            for (int x = std::max(0, place - 1); x <= std::min(place + 1, mesh_.width - 1); ++x) {
+            for (int x = std::max(next, place - column_step_ + 1);
+                 x <= std::min(place + column_step_ - 1, mesh_.width - 1); ++x) {
+                next = x + 1;
                 while (line[n + 1].pixel <= x) ++n;
                 if (distance2(image_.colour_of(row + 3 * x), mesh_.faces[line[n].after].mean) > gate2_)
                     far_.add(y * mesh_.width + x);
@@ -98,6 +105,8 @@ private:
     const Crossings& crossings_;
     const Image& image_;
     float gate2_;
+    int row_step_;
+    int column_step_;
     PixelSet far_;
 };
 

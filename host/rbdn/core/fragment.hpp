@@ -37,7 +37,7 @@ private:
 };
 
 // Pixels farther than `gate`, in working units, from their face's mean, as most of their neighbours are. Only where
-// every second pixel of every second row finds something are the others looked at.
+// the image's lattice finds something are the pixels around it looked at.
 PixelSet off_pixels(const Mesh& mesh, const Crossings& crossings, const Image& image, double gate);
 
 // Which off-pixels were cut out before and stayed off: shading and texture, not worth another try.

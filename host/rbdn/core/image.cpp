@@ -75,25 +75,26 @@ void ColourTables::make_rgb() {
     }
 }
 
-void Image::load(const std::uint8_t* bgr, int width, int height, int row_step) {
+void Image::load(const std::uint8_t* bgr, int width, int height, int row_step, int column_step) {
     bgr_ = bgr;
     width_ = width;
     height_ = height;
     row_step_ = row_step;
-    const std::size_t needed = static_cast<std::size_t>(width + 1) * ((height + row_step - 1) / row_step);
+    column_step_ = column_step;
+    const std::size_t needed = static_cast<std::size_t>(lattice_width() + 1) * ((height + row_step - 1) / row_step);
     if (needed > prefix_size_) {
         prefix_ = std::make_unique_for_overwrite<PrefixSum[]>(needed);
         prefix_size_ = needed;
     }
+    PrefixSum* sum = prefix_.get();
     for (int y = 0; y < height; y += row_step) {
         const std::uint8_t* in = row(y);
-        PrefixSum* sum = &prefix_[static_cast<std::size_t>(y / row_step) * (width + 1)];
         PrefixSum total{};
-        sum[0] = total;
-        for (int x = 0; x < width; ++x, in += 3) {
+        *sum++ = total;
+        for (int x = 0; x < width; x += column_step, in += 3 * column_step) {
             const ShortColour pixel = colours_(in);
             for (int k = 0; k < 4; ++k) total.c[k] += pixel[k];
-            sum[x + 1] = total;
+            *sum++ = total;
         }
     }
 }

@@ -22,7 +22,6 @@ using ShortColour = std::array<std::int16_t, 4>;
 struct PrefixSum {
     std::int32_t c[4];
 };
-using RowSums = const PrefixSum*;
 
 struct ColourSum {
     std::int64_t count = 0;
@@ -32,10 +31,9 @@ struct ColourSum {
         count += other.count;
         for (int k = 0; k < 3; ++k) sum[k] += other.sum[k];
     }
-    // The pixels [x0, x1) of a row.
-    void add_span(RowSums row, int x0, int x1) {
-        count += x1 - x0;
-        for (int k = 0; k < 3; ++k) sum[k] += row[x1].c[k] - row[x0].c[k];
+    void add_between(const PrefixSum& first, const PrefixSum& last, int pixels) {
+        count += pixels;
+        for (int k = 0; k < 3; ++k) sum[k] += last.c[k] - first.c[k];
     }
     Colour mean() const;
 };
@@ -80,12 +78,13 @@ public:
     explicit Image(const Config& config) : colours_(config) {}
 
     // `bgr` is (height, width, 3), row after row without gaps; it is not copied and must outlive the use of the
-    // image. Means are taken over every `row_step`-th row.
-    void load(const std::uint8_t* bgr, int width, int height, int row_step);
+    // image. Means are taken over a lattice: every `row_step`-th row, every `column_step`-th column.
+    void load(const std::uint8_t* bgr, int width, int height, int row_step, int column_step);
 
     int width() const { return width_; }
     int height() const { return height_; }
     int row_step() const { return row_step_; }
+    int column_step() const { return column_step_; }
 
     // Pixels of a row, three bytes each, for the colour functions.
     const std::uint8_t* row(int y) const { return bgr_ + 3 * static_cast<std::size_t>(y) * width_; }
@@ -95,15 +94,34 @@ public:
         return {static_cast<float>(c[0]), static_cast<float>(c[1]), static_cast<float>(c[2])};
     }
 
-    // Prefix sums of row y, a multiple of row_step: width + 1 of them.
-    RowSums row_sums(int y) const { return &prefix_[static_cast<std::size_t>(y / row_step_) * (width_ + 1)]; }
+    // Adds those of the pixels [x0, x1) of row y, a multiple of row_step(), that lie on the lattice.
+    void add_span(ColourSum& to, int y, int x0, int x1) const {
+        const int first = (x0 + column_step_ - 1) / column_step_, last = (x1 + column_step_ - 1) / column_step_;
+        if (last <= first) return;
+        const PrefixSum* sums = row_sums(y);
+        to.add_between(sums[first], sums[last], last - first);
+    }
+
+    // Colour at a place of the lattice, without working it out again.
+    ShortColour lattice_colour(int x, int y) const {
+        const PrefixSum* sums = row_sums(y) + x / column_step_;
+        ShortColour out;
+        for (int k = 0; k < 4; ++k) out[k] = static_cast<std::int16_t>(sums[1].c[k] - sums[0].c[k]);
+        return out;
+    }
 
 private:
+    const PrefixSum* row_sums(int y) const {
+        return &prefix_[static_cast<std::size_t>(y / row_step_) * (lattice_width() + 1)];
+    }
+    int lattice_width() const { return (width_ + column_step_ - 1) / column_step_; }
+
     ColourTables colours_;
     const std::uint8_t* bgr_ = nullptr;
     int width_ = 0;
     int height_ = 0;
     int row_step_ = 1;
+    int column_step_ = 1;
     // Not a vector, which would write it all once more.
     std::unique_ptr<PrefixSum[]> prefix_;
     std::size_t prefix_size_ = 0;

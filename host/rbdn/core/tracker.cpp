@@ -22,8 +22,8 @@ constexpr int kFullScans = 2;         // cycles after which edges at rest are no
 constexpr int kFullGainCycles = 6;
 constexpr double kLateGain = 0.5;
 constexpr double kOffGate = 1.6;      // eta; farther than this from its face, a pixel is off
-constexpr int kStartMeanRows = 1;     // means are taken over every so many rows; squares need all of theirs
-constexpr int kTrackMeanRows = 4;
+constexpr int kTrackMeanRows = 4;     // means are taken over every so many rows and columns; the first squares'
+constexpr int kTrackMeanColumns = 2;  // need all of their pixels
 constexpr double kNewsShare = 0.3;    // of the smallest polygon's area: a part may fit
 constexpr int kFragmentations = 2;    // per frame
 constexpr int kRegroupCycles = 8;     // after each
@@ -31,7 +31,7 @@ constexpr int kRegroupCycles = 8;     // after each
 }  // namespace
 
 void Tracker::track(const std::uint8_t* bgr, int width, int height, const std::vector<int>& source) {
-    image_.load(bgr, width, height, frames_ == 0 ? kStartMeanRows : kTrackMeanRows);
+    image_.load(bgr, width, height, frames_ == 0 ? 1 : kTrackMeanRows, frames_ == 0 ? 1 : kTrackMeanColumns);
     means_version_ = disparity_version_ = kNone;
     cycles_ = 0;
     begin_ = std::chrono::steady_clock::now();
