@@ -11,7 +11,7 @@ namespace {
 
 constexpr int kSmallestPiece = 20;  // px; smaller cuttings stay with their face
 constexpr int kSpread = 4;          // px by which known off-pixels may have moved
-constexpr double kGrowth = 1.5;     // of a blob, after which it is tried again
+constexpr double kGrowth = 1.25;    // of a blob, after which it is tried again
 constexpr int kCoarse = 2;          // px, at least, between the samples that are looked at first
 
 struct Blob {
@@ -150,7 +150,7 @@ PixelSet off_pixels(const Mesh& mesh, const Crossings& crossings, const Image& i
     return off;
 }
 
-std::vector<int> OffMemory::take_news(const PixelSet& off, double smallest_px) {
+std::vector<int> OffMemory::take_news(const PixelSet& off, double smallest_px, double lasting_px) {
     struct Tried {
         int pixel, size;
     };
@@ -166,7 +166,9 @@ std::vector<int> OffMemory::take_news(const PixelSet& off, double smallest_px) {
                 ++covered;
                 tried = std::max(tried, near);
             }
-        const bool known = 2 * covered >= size && size <= kGrowth * tried;
+        // One that was too small for a polygon is tried again when it is not any more, but rarely before.
+        const bool grown = size >= lasting_px ? tried < lasting_px || size > kGrowth * tried : size > 2 * tried;
+        const bool known = 2 * covered >= size && !grown;
         if (!known) {
             if (size < smallest_px) continue;
             news.insert(news.end(), begin, end);

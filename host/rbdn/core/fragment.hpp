@@ -44,9 +44,9 @@ PixelSet off_pixels(const Mesh& mesh, const Crossings& crossings, const Image& i
 class OffMemory {
 public:
     // Pixels of the blobs that are news: at least `smallest_px` of them, and not mostly tried before at about this
-    // size. A thing that enters grows from nothing, so small blobs are left alone until they are large enough to
-    // last, and blobs that grow are tried again. Remembers what it was shown.
-    std::vector<int> take_news(const PixelSet& off, double smallest_px);
+    // size. A thing that enters grows from nothing, so blobs are tried again once they have grown, above all to
+    // `lasting_px`, which makes a polygon of its own. Remembers what it was shown.
+    std::vector<int> take_news(const PixelSet& off, double smallest_px, double lasting_px);
 
     // Moves what is remembered: `place(k)` is where pixel k goes, negative for nowhere.
     void move(const std::function<int(int)>& place);

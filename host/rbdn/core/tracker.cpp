@@ -215,7 +215,7 @@ void Tracker::cut_out_news() {
     if (out_of_time()) return;
     update_means();
     const PixelSet off = off_pixels(mesh_, crossings_, image_, kOffGate * eta());
-    const std::vector<int> news = known_off_.take_news(off, kNewsShare * config_.min_area_px);
+    const std::vector<int> news = known_off_.take_news(off, kNewsShare * config_.min_area_px, config_.min_area_px);
     if (news.empty()) return;
     crossings_.face_of_pixels(mesh_, labels_);
     if (fragment_faces(mesh_, labels_, news, config_.square_px) > 0) regroup();
