@@ -1,6 +1,7 @@
 """Depth from a recorded sequence: net and estimators run over a folder, answers as table, JSON and pictures.
 
     python -m host.measure SEQUENCE [--poses FILE] [--json OUT] [--pictures DIR]
+    python -m host.measure --still IMAGE [--out DIR]      # the regions of one image, without depth
 
 Results appear only when the whole sequence was measured; an interrupted or failed run leaves what was there.
 """
@@ -22,9 +23,9 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Annotated, Any, Protocol
 
-from tyro.conf import Positional
+from tyro.conf import Positional, arg
 
 from host.config import Config, read_command_line
 
@@ -37,16 +38,19 @@ if TYPE_CHECKING:  # so that --help need not wait for OpenCV
     from host.record.sequence import Sequence, SequenceFrame
 
 FEWEST_FRAMES = 2
+RUNS = Path("runs")
 
 
 @dataclass(frozen=True)
 class MeasureOptions:
-    """Measure depth in a recorded sequence: camera.json, poses.csv and the images it names."""
+    """Measure depth in a recorded sequence (camera.json, poses.csv, images) or find regions in a still."""
 
-    sequence: Positional[Path]  # the sequence folder
+    sequence: Positional[Annotated[Path | None, arg(metavar="[SEQUENCE]")]] = None  # the sequence folder
     poses: Path | None = None  # poses to use instead of the folder's poses.csv
     json: Path | None = None  # write all results to this file
     pictures: Path | None = None  # write each frame with net and depths into this folder
+    still: Path | None = None  # instead of a sequence: an image (PNG or JPEG) whose regions to find
+    out: Path | None = None  # folder for the still's picture and JSON, runs if not given
 
 
 class Tracker(Protocol):
@@ -131,13 +135,36 @@ def result_dict(sequence: Sequence, frames: list[dict[str, Any]]) -> dict[str, A
 
 
 def run(options: MeasureOptions, config: Config) -> None:
+    """Do what the options ask for.
+
+    Raises
+    ------
+    UsageError
+        where they contradict each other.
+    """
+    if options.still is None:
+        if options.out is not None:
+            raise UsageError("--out is for --still; use --json and --pictures with a sequence")
+        if options.sequence is None:
+            raise UsageError("nothing to measure: give a sequence folder, or --still and an image")
+        run_sequence(options.sequence, options, config)
+        return
+    for name in ("sequence", "poses", "json", "pictures"):
+        if getattr(options, name) is not None:
+            raise UsageError(f"--still takes one image and --out; leave out {getattr(options, name)}")
+    from host.still import run_still
+
+    run_still(options.still, options.out or RUNS, config.net)
+
+
+def run_sequence(folder: Path, options: MeasureOptions, config: Config) -> None:
     """Measure and write what the options ask for; all input is looked at before any output is touched."""
     from host.depth.estimator import Estimator
     from host.rbdn import Net
     from host.record.atomic import check_writable, write_whole
     from host.record.sequence import read_sequence
 
-    sequence = read_sequence(options.sequence, _poses_file(options))
+    sequence = read_sequence(folder, _poses_file(folder, options.poses))
     if options.json is not None:
         check_writable(options.json, folder=False)
     if options.pictures is not None:
@@ -160,11 +187,10 @@ def run(options: MeasureOptions, config: Config) -> None:
         _print_table(last, frames, options)
 
 
-def _poses_file(options: MeasureOptions) -> Path | None:
-    poses = options.poses
+def _poses_file(folder: Path, poses: Path | None) -> Path | None:
     # os.path, since Path raises where a name is too long
-    if poses is not None and not os.path.exists(poses) and os.path.isfile(options.sequence / poses):
-        raise InputError(f"{poses}: no such file; did you mean {options.sequence / poses}?")
+    if poses is not None and not os.path.exists(poses) and os.path.isfile(folder / poses):
+        raise InputError(f"{poses}: no such file; did you mean {folder / poses}?")
     return poses
 
 
@@ -172,8 +198,8 @@ def _refuse_to_overwrite_input(options: MeasureOptions, sequence: Sequence) -> N
     images = [frame.path.resolve() for frame in sequence.frames]
     if options.pictures is not None and options.pictures.resolve() in {image.parent for image in images}:
         raise UsageError(f"{options.pictures}: holds the sequence's own images; write pictures elsewhere")
-    poses = options.poses or options.sequence / "poses.csv"
-    inputs = {(options.sequence / "camera.json").resolve(), poses.resolve(), *images}
+    poses = options.poses or sequence.folder / "poses.csv"
+    inputs = {(sequence.folder / "camera.json").resolve(), poses.resolve(), *images}
     if options.json is not None and options.json.resolve() in inputs:
         raise UsageError(f"{options.json}: belongs to the sequence and would be overwritten; write elsewhere")
 

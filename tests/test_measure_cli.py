@@ -185,7 +185,7 @@ def test_a_broken_sequence_gets_one_line_and_leaves_earlier_results(
 @pytest.mark.parametrize(
     ("arguments", "code", "words"),
     [
-        ([], 2, ["PATH"]),
+        ([], 2, ["nothing to measure", "--still"]),
         (["nowhere"], 3, ["nowhere", "no such folder"]),
         (["run/camera.json"], 3, ["camera.json", "not a sequence folder"]),
         (["run", "--poses", "other.csv"], 3, ["other.csv", "no such file"]),

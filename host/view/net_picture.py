@@ -1,6 +1,8 @@
-"""A camera frame with the net over it and depths written into the regions."""
+"""A picture with the net over it: a camera frame with depths in its regions, or a still with its regions."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -11,6 +13,7 @@ from host.view.palette import (
     FAINT,
     PANEL,
     PANEL_TEXT,
+    Colour,
     depth_text,
     region_colour,
     shade,
@@ -20,6 +23,7 @@ from host.view.palette import (
 
 WIDTH_PX = 960  # small frames are enlarged to about this, so that letters stay readable
 TINT = 0.15
+STILL_TINT = 0.3
 SUBPIXEL_BITS = 4
 LABEL_SCALE = 0.55
 CAPTION_SCALE = 0.55
@@ -45,9 +49,54 @@ def draw_net(image: np.ndarray, snapshot: Snapshot, depths: DepthReport, caption
     -------
     (H', W', 3) uint8, BGR, about 960 px wide.
     """
+    canvas, scale = _enlarged(image)
+    known = [region for region in snapshot.regions if _depth_of(region, depths).depth_cm is not None]
+    _tint(canvas, known, TINT, scale)  # so that they stand out from the others
+    _outlines(canvas, snapshot, scale)
+    _write_labels(canvas, _depth_labels(snapshot, depths), scale)
+    summary = f"{len(snapshot.regions)} regions, {len(known)} with depth"
+    return np.vstack([canvas, _caption_bar(canvas.shape[1], caption, summary)])
+
+
+def draw_regions(image: np.ndarray, snapshot: Snapshot, caption: str = "") -> np.ndarray:
+    """Draw a still with each region in its colour and the larger ones with their ids.
+
+    Parameters
+    ----------
+    image
+        (H, W, 3) uint8, BGR; left as it is.
+    snapshot
+        What the net made of it.
+    caption
+        Written below the picture.
+
+    Returns
+    -------
+    (H', W', 3) uint8, BGR, small images enlarged to about 960 px.
+    """
+    canvas, scale = _enlarged(image)
+    _tint(canvas, list(snapshot.regions), STILL_TINT, scale)
+    _outlines(canvas, snapshot, scale)
+    labels = [_Label(region, str(region.id), PANEL_TEXT, 0.85 * LABEL_SCALE) for region in snapshot.regions]
+    _write_labels(canvas, labels, scale)
+    return np.vstack([canvas, _caption_bar(canvas.shape[1], caption, f"{len(snapshot.regions)} regions")])
+
+
+@dataclass(frozen=True)
+class _Label:
+    region: Region
+    text: str
+    colour: Colour
+    letters: float  # scale of the lettering
+    always: bool = False  # also in a region too small to be named
+
+
+def _enlarged(image: np.ndarray) -> tuple[np.ndarray, int]:
     scale = max(1, round(WIDTH_PX / image.shape[1]))
-    canvas = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_CUBIC)
-    _tint(canvas, snapshot, depths, scale)
+    return cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_CUBIC), scale
+
+
+def _outlines(canvas: np.ndarray, snapshot: Snapshot, scale: int) -> None:
     for region in snapshot.regions:
         for loop in region.loops:
             _line(canvas, loop, scale, PANEL, 4)
@@ -59,8 +108,6 @@ def draw_net(image: np.ndarray, snapshot: Snapshot, depths: DepthReport, caption
         for loop in region.loops:
             for vertex in loop:
                 _dot(canvas, vertex, scale)
-    _labels(canvas, snapshot, depths, scale)
-    return np.vstack([canvas, _caption(canvas.shape[1], caption, snapshot, depths)])
 
 
 def _points(loop: np.ndarray, scale: int) -> np.ndarray:
@@ -68,17 +115,14 @@ def _points(loop: np.ndarray, scale: int) -> np.ndarray:
     return np.round(((loop + 0.5) * scale - 0.5) * (1 << SUBPIXEL_BITS)).astype(np.int32).reshape(-1, 1, 2)
 
 
-def _tint(canvas: np.ndarray, snapshot: Snapshot, depths: DepthReport, scale: int) -> None:
-    """Regions with a depth are coloured in, so that they stand out from the others."""
-    layer, known = canvas.copy(), np.zeros(canvas.shape[:2], np.uint8)
-    for region in snapshot.regions:
-        if _depth_of(region, depths).depth_cm is None:
-            continue
+def _tint(canvas: np.ndarray, regions: list[Region], share: float, scale: int) -> None:
+    layer, tinted = canvas.copy(), np.zeros(canvas.shape[:2], np.uint8)
+    for region in sorted(regions, key=lambda r: -r.area_px):
         loops = [_points(loop, scale) for loop in region.loops]
         cv2.fillPoly(layer, loops, region_colour(region.id), cv2.LINE_8, SUBPIXEL_BITS)
-        cv2.fillPoly(known, loops, 1, cv2.LINE_8, SUBPIXEL_BITS)
-    blended = cv2.addWeighted(canvas, 1 - TINT, layer, TINT, 0)
-    np.copyto(canvas, blended, where=known[..., None].astype(bool))
+        cv2.fillPoly(tinted, loops, 1, cv2.LINE_8, SUBPIXEL_BITS)
+    blended = cv2.addWeighted(canvas, 1 - share, layer, share, 0)
+    np.copyto(canvas, blended, where=tinted[..., None].astype(bool))
 
 
 def _line(canvas: np.ndarray, loop: np.ndarray, scale: int, colour: tuple[int, int, int], width: int) -> None:
@@ -95,28 +139,33 @@ def _depth_of(region: Region, depths: DepthReport) -> RegionDepth:
     return depths.regions.get(region.id, RegionDepth(None, None, None, None))
 
 
-def _labels(canvas: np.ndarray, snapshot: Snapshot, depths: DepthReport, scale: int) -> None:
-    """Depths first, from the largest region down; a label that would cover another is moved or left out."""
-    taken: list[Box] = []
-    order = sorted(snapshot.regions, key=lambda r: (_depth_of(r, depths).depth_cm is None, -r.area_px))
-    smallest = NAMED_AREA_SHARE * canvas.shape[0] * canvas.shape[1] / scale**2
-    for region in order:
+def _depth_labels(snapshot: Snapshot, depths: DepthReport) -> list[_Label]:
+    known, unknown = [], []
+    for region in snapshot.regions:
         depth = _depth_of(region, depths)
         if depth.depth_cm is None:
-            if region.area_px < smallest:
-                continue
-            text, colour, letters = f"{region.id}", FAINT, 0.85 * LABEL_SCALE
+            unknown.append(_Label(region, f"{region.id}", FAINT, 0.85 * LABEL_SCALE))
         else:
             text = f"{region.id}: {depth_text(depth.depth_cm, depth.sigma_cm)}"
-            colour, letters = PANEL_TEXT, LABEL_SCALE
-        box = _place(canvas, _middle(region, scale), text_size(text, letters), taken)
+            known.append(_Label(region, text, PANEL_TEXT, LABEL_SCALE, always=True))
+    return known + unknown
+
+
+def _write_labels(canvas: np.ndarray, labels: list[_Label], scale: int) -> None:
+    """From the largest region down; a label that would cover another is moved or left out."""
+    taken: list[Box] = []
+    smallest = NAMED_AREA_SHARE * canvas.shape[0] * canvas.shape[1] / scale**2
+    for label in sorted(labels, key=lambda found: (not found.always, -found.region.area_px)):
+        if label.region.area_px < smallest and not label.always:
+            continue
+        box = _place(canvas, _middle(label.region, scale), text_size(label.text, label.letters), taken)
         if box is None:
             continue
         taken.append(box)
         shade(canvas, box, PANEL, 0.78)
         x0, y0, _, y1 = box
-        cv2.rectangle(canvas, (x0, y0), (x0 + 3, y1 - 1), region_colour(region.id), -1)
-        write(canvas, text, (x0 + 4 + MARGIN_PX, y1 - MARGIN_PX), letters, colour)
+        cv2.rectangle(canvas, (x0, y0), (x0 + 3, y1 - 1), region_colour(label.region.id), -1)
+        write(canvas, label.text, (x0 + 4 + MARGIN_PX, y1 - MARGIN_PX), label.letters, label.colour)
 
 
 def _middle(region: Region, scale: int) -> tuple[int, int]:
@@ -145,10 +194,8 @@ def _place(
     return None
 
 
-def _caption(width: int, caption: str, snapshot: Snapshot, depths: DepthReport) -> np.ndarray:
+def _caption_bar(width: int, caption: str, summary: str) -> np.ndarray:
     bar = np.full((36, width, 3), PANEL, np.uint8)
-    known = sum(_depth_of(region, depths).depth_cm is not None for region in snapshot.regions)
-    summary = f"{len(snapshot.regions)} regions, {known} with depth"
     write(bar, caption, (12, 24), CAPTION_SCALE, PANEL_TEXT)
     write(bar, summary, (width - 12 - text_size(summary, CAPTION_SCALE)[0], 24), CAPTION_SCALE, FAINT)
     return bar

@@ -1,0 +1,70 @@
+"""One image's regions: found, drawn and told as JSON; `python -m host.measure --still` calls this."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import cv2
+
+from host.errors import InputError
+from host.rbdn import Net, NetConfig, Region, Snapshot
+from host.record.atomic import check_writable, write_whole
+from host.record.image_file import read_image
+from host.view.net_picture import draw_regions
+
+
+def run_still(path: Path, folder: Path, config: NetConfig) -> None:
+    """Write ``NAME_net.png`` and ``NAME_net.json`` into a folder and print what was found.
+
+    Raises
+    ------
+    InputError
+        where the image is missing, damaged or too small.
+    UsageError
+        where the folder cannot be written.
+    """
+    if not os.path.isfile(path):  # Path.is_file raises where a name is too long
+        hint = "is a folder; give an image, or leave out --still to measure a sequence"
+        raise InputError(f"{path}: {hint if os.path.isdir(path) else 'no such image; check its name'}")
+    image = read_image(path)
+    picture, result = (folder / f"{path.stem}_net.{kind}" for kind in ("png", "json"))
+    for target in (picture, result):
+        check_writable(target, folder=False)
+    try:
+        snapshot = Net(config).track(image)
+    except InputError as error:  # the net does not know the image's name
+        raise InputError(f"{path}: {error}") from error
+    height, width = image.shape[:2]
+    _, png = cv2.imencode(".png", draw_regions(image, snapshot, f"{path.name}   {width}x{height} px"))
+    write_whole(picture, png.tobytes())
+    write_whole(result, (json.dumps(still_dict(path.name, width, height, snapshot)) + "\n").encode())
+    took_ms = snapshot.net_ms + snapshot.refine_ms
+    print(f"{len(snapshot.regions)} regions in {took_ms:.0f} ms: {picture}, {result}")
+    for limit in snapshot.limits:
+        print(limit)
+
+
+def still_dict(name: str, width_px: int, height_px: int, snapshot: Snapshot) -> dict[str, Any]:
+    """The JSON of a still; coordinates in pixels, integer = pixel centre, x right, y down."""
+    return {
+        "image": name,
+        "width": width_px,
+        "height": height_px,
+        "time_ms": {"net": snapshot.net_ms, "refine": snapshot.refine_ms},
+        "limits": list(snapshot.limits),
+        "regions": [_region_dict(region) for region in snapshot.regions],
+    }
+
+
+def _region_dict(region: Region) -> dict[str, Any]:
+    return {
+        "id": region.id,
+        "area_px": region.area_px,
+        "sigma_area_px": region.sigma_area_px,
+        "touches_border": region.touches_border,
+        "mean_rgb": list(region.mean_rgb),
+        "loops": [loop.tolist() for loop in region.loops],
+    }
