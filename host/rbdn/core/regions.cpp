@@ -121,11 +121,22 @@ void RegionGrouping::expect(const Mesh& mesh, const std::vector<int>& labels) {
             expected_face_.push_back(labels[static_cast<std::size_t>(y) * mesh.width + x]);
 }
 
+// Calls `visit` with each sampled pixel and the face of the last frame that was expected there.
+template <class Visit>
+void RegionGrouping::for_each_sample(const Mesh& mesh, Visit visit) const {
+    const int columns = (mesh.width + kSampleStep - 1) / kSampleStep;
+    for (std::size_t n = 0; n < expected_face_.size(); ++n) {
+        const int face = expected_face_[n];
+        if (face < 0 || face >= static_cast<int>(known_.size())) continue;
+        visit(static_cast<int>(n) % columns * kSampleStep, static_cast<int>(n) / columns * kSampleStep, known_[face]);
+    }
+}
+
 RegionSet RegionGrouping::update(Mesh& mesh, const Image& image, const std::vector<int>& labels,
                                  const RegionRule& rule) {
     RegionSet set;
     set.of_face = group_faces(mesh, image, labels, rule);
-    name_groups(mesh, set);
+    name_groups(mesh, image, labels, rule, set);
     set.gone = find_gone(mesh, image, labels, rule, set);
     return set;
 }
@@ -156,18 +167,24 @@ std::vector<int> RegionGrouping::group_faces(const Mesh& mesh, const Image& imag
     return group;
 }
 
-// Every face votes with its pixels for the region it was in; a region's id goes to the group that holds most of
-// it, and each group takes the best id left to it. New faces vote for the region they were cut from, but after all
-// others: so a region that was cut up and regrouped altogether is still itself.
-void RegionGrouping::name_groups(Mesh& mesh, RegionSet& set) {
+// A face votes with its pixels for the region it was in, unless its colour is another now: then its edges have
+// been caught by something else. Pixels vote too, for the region they were expected in, where they have its colour.
+// A region's id goes to the group that holds most of it, and each group takes the best id left to it. New faces
+// vote for the region they were cut from, but after all others: so a region that was cut up and regrouped
+// altogether is still itself.
+void RegionGrouping::name_groups(Mesh& mesh, const Image& image, const std::vector<int>& labels,
+                                 const RegionRule& rule, RegionSet& set) {
     struct Vote {
         std::int64_t pixels;
         std::int64_t region;
         int group;
-        bool by_new_face;
+        bool late;
     };
     const std::size_t count =
         set.of_face.empty() ? 0 : 1 + *std::max_element(set.of_face.begin(), set.of_face.end());
+    const double same2 = rule.same_colour * rule.same_colour;
+    std::map<std::int64_t, Colour> mean_before;
+    for (const Known& face : known_) mean_before[face.id] = face.mean;
     std::map<std::tuple<bool, int, std::int64_t>, std::int64_t> tally;
     std::vector<std::int64_t> news(count, 0), all(count, 0);
     for (std::size_t f = 0; f < mesh.faces.size(); ++f) {
@@ -175,16 +192,24 @@ void RegionGrouping::name_groups(Mesh& mesh, RegionSet& set) {
         const int group = set.of_face[f];
         const bool is_new = face.region < 0;
         const std::int64_t region = is_new ? face.parent : face.region;
-        if (region >= 0) tally[{is_new, group, region}] += face.sum.count;
+        const auto before = mean_before.find(face.id);
+        const bool late = is_new || before == mean_before.end() || distance2(face.mean, before->second) > same2;
+        if (region >= 0) tally[{late, group, region}] += face.sum.count;
         all[group] += face.sum.count;
         if (is_new && face.is_news) news[group] += face.sum.count;
         face.is_news = false;
     }
+    const int sample_weight = std::max(1, kSampleStep * kSampleStep / (image.row_step() * image.column_step()));
+    for_each_sample(mesh, [&](int x, int y, const Known& expected) {
+        if (expected.region < 0 || distance2(image.colour_of(image.row(y) + 3 * x), expected.mean) > same2) return;
+        const int owner = labels[static_cast<std::size_t>(y) * mesh.width + x];
+        tally[{false, set.of_face[owner], expected.region}] += sample_weight;
+    });
     std::vector<Vote> votes;
     for (const auto& [key, pixels] : tally)
         votes.push_back({pixels, std::get<2>(key), std::get<1>(key), std::get<0>(key)});
     std::stable_sort(votes.begin(), votes.end(), [](const Vote& a, const Vote& b) {
-        return a.by_new_face != b.by_new_face ? b.by_new_face : a.pixels > b.pixels;
+        return a.late != b.late ? b.late : a.pixels > b.pixels;
     });
 
     set.id.assign(count, kNoRegion);
@@ -229,24 +254,21 @@ std::int64_t RegionGrouping::what_became_of(std::int64_t region, const Mesh& mes
                                             const RegionSet& set) const {
     std::map<std::int64_t, const Known*> by_id;
     for (const Known& face : known_) by_id[face.id] = &face;
-    const int columns = (mesh.width + kSampleStep - 1) / kSampleStep;
     std::map<int, int> seen_in;  // group -> samples
     int expected = 0;
-    for (std::size_t n = 0; n < expected_face_.size(); ++n) {
-        const int face = expected_face_[n];
-        if (face < 0 || face >= static_cast<int>(known_.size()) || known_[face].region != region) continue;
+    for_each_sample(mesh, [&](int x, int y, const Known& face) {
+        if (face.region != region) return;
         ++expected;
-        const int x = static_cast<int>(n) % columns * kSampleStep, y = static_cast<int>(n) / columns * kSampleStep;
         const int owner = labels[static_cast<std::size_t>(y) * mesh.width + x];
         const auto before = by_id.find(mesh.faces[owner].id);
         const Colour colour = image.colour_of(image.row(y) + 3 * x);
-        const float away2 = distance2(colour, known_[face].mean);
+        const float away2 = distance2(colour, face.mean);
         const bool still_there =
             before == by_id.end()            ? away2 < rule.same_colour * rule.same_colour
             : before->second->region == region ? true
                                              : away2 < distance2(colour, before->second->mean);
         if (still_there) ++seen_in[set.of_face[owner]];
-    }
+    });
     int most = 0;
     std::int64_t became = kNoRegion;
     for (const auto& [group, samples] : seen_in) {

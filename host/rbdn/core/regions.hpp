@@ -57,7 +57,10 @@ private:
 
     std::vector<int> group_faces(const Mesh& mesh, const Image& image, const std::vector<int>& labels,
                                  const RegionRule& rule);
-    void name_groups(Mesh& mesh, RegionSet& set);
+    template <class Visit>
+    void for_each_sample(const Mesh& mesh, Visit visit) const;
+    void name_groups(Mesh& mesh, const Image& image, const std::vector<int>& labels, const RegionRule& rule,
+                     RegionSet& set);
     std::vector<GoneRegion> find_gone(const Mesh& mesh, const Image& image, const std::vector<int>& labels,
                                       const RegionRule& rule, const RegionSet& set) const;
     std::int64_t what_became_of(std::int64_t region, const Mesh& mesh, const Image& image,
