@@ -15,6 +15,7 @@ from host.rbdn.config import NetConfig
 from host.rbdn.snapshot import OUTSIDE, Contour, Event, Region, Snapshot, Vertices
 
 SMALLEST_IMAGE_PX = 32
+TURN_STEP_PX = 8  # between the pixels whose turn is worked out
 STEADY_PX = 3.0  # a turn that moves pixels less than this is left to the forces
 
 
@@ -119,12 +120,10 @@ class Net:
         )
         if np.abs(_turn(lens, corners, rotation) - corners).max() < STEADY_PX:
             return none
-        y, x = np.mgrid[0 : lens.height, 0 : lens.width]
-        pixels = np.column_stack([x.ravel(), y.ravel()]).astype(float)
-        turned = np.rint(_turn(lens, pixels, rotation))
-        inside = (turned >= 0).all(1) & (turned[:, 0] < lens.width) & (turned[:, 1] < lens.height)
-        turned = np.where(inside[:, None], turned, 0).astype(np.int64)
-        return np.where(inside, turned[:, 1] * lens.width + turned[:, 0], -1).astype(np.int32)
+        turned = np.rint(_turned_image(lens, rotation))
+        x, y = turned[..., 0], turned[..., 1]
+        inside = (x >= 0) & (y >= 0) & (x < lens.width) & (y < lens.height)
+        return np.where(inside, y * lens.width + x, -1).astype(np.int32).ravel()
 
     def _snapshot(self, fine: dict[str, np.ndarray], net_ms: float, begin: float) -> Snapshot:
         ids = fine["region_ids"]
@@ -209,6 +208,27 @@ def _turn(lens: Lens, pixels: np.ndarray, rotation: np.ndarray) -> np.ndarray:
     far_away = 1e6
     rays = np.column_stack([np.where(in_front, u / w, far_away), np.where(in_front, v / w, far_away)])
     return lens.to_pixels(rays)
+
+
+def _turned_image(lens: Lens, rotation: np.ndarray) -> np.ndarray:
+    """The same for every pixel, (H, W, 2) float32.
+
+    It is worked out for some and interpolated in between, since it bends little and lenses take their time.
+    """
+    x, y = (np.arange(-(-size // TURN_STEP_PX) + 1) * TURN_STEP_PX for size in (lens.width, lens.height))
+    nodes = np.stack(np.meshgrid(x, y), axis=-1)
+    turned = _turn(lens, nodes.reshape(-1, 2), rotation).reshape(nodes.shape).astype(np.float32)
+    for axis in (0, 1):
+        turned = _interpolated(turned, axis)
+    return turned[: lens.height, : lens.width]
+
+
+def _interpolated(nodes: np.ndarray, axis: int) -> np.ndarray:
+    """TURN_STEP_PX values for each interval between neighbours along the axis, from its first end on."""
+    nodes = np.moveaxis(nodes, axis, 0)
+    part = (np.arange(TURN_STEP_PX, dtype=np.float32) / TURN_STEP_PX).reshape(-1, *(1,) * (nodes.ndim - 1))
+    fine = nodes[:-1, None] + part * (nodes[1:] - nodes[:-1])[:, None]
+    return np.moveaxis(fine.reshape(-1, *nodes.shape[1:]), 0, axis)
 
 
 def _loops_of_regions(fine: dict[str, np.ndarray], count: int) -> list[list[tuple[np.ndarray, np.ndarray]]]:
