@@ -5,10 +5,12 @@
 
 #include <chrono>
 #include <cstring>
+#include <numeric>
 
 #include "corners.hpp"
 #include "loops.hpp"
 #include "refine.hpp"
+#include "steps.hpp"
 #include "tracker.hpp"
 
 namespace nb = nanobind;
@@ -89,12 +91,32 @@ public:
         for (const rbdn::Face& f : mesh.faces)
             for (int k = 0; k < 3; ++k)
                 means.push_back((f.mean[k] - rbdn::Image::kBlack[k]) / rbdn::Image::kUnitsPerLab);
+        std::vector<int> itself(mesh.faces.size());
+        std::iota(itself.begin(), itself.end(), 0);
+        std::vector<double> areas(mesh.faces.size(), 0.0);
+        for (const rbdn::Loop& loop : rbdn::trace_loops(mesh, itself)) areas[loop.face] += loop.area;
         nb::dict out;
+        out["areas_px"] = to_array(areas);
         out["vertices_px"] = to_array(xy, {mesh.vertices.size(), 2});
         out["edges"] = to_array(edges, {mesh.edges.size(), 4});
         out["means"] = to_array(means, {mesh.faces.size(), 3});
         out["labels"] = to_array(labels, {static_cast<std::size_t>(mesh.height), static_cast<std::size_t>(mesh.width)});
         return out;
+    }
+
+    // For tests: one operation, and what the forces are made of.
+    void step(rbdn::Step step, std::uint32_t seed, const ByteImage& bgr) {
+        rbdn::Steps(tracker_).apply(step, seed, bgr.data(), static_cast<int>(bgr.shape(1)),
+                                    static_cast<int>(bgr.shape(0)));
+    }
+    nb::object disparity(const ByteImage& bgr, int reach_px) {
+        const auto& disparity = rbdn::Steps(tracker_).measure(bgr.data(), static_cast<int>(bgr.shape(1)),
+                                                              static_cast<int>(bgr.shape(0)), reach_px);
+        std::vector<float> counts;
+        for (const rbdn::Disparity& d : disparity)
+            counts.insert(counts.end(),
+                          {d.left_claimed[0], d.left_claimed[1], d.right_claimed[0], d.right_claimed[1]});
+        return to_array(counts, {disparity.size(), 2, 2});
     }
 
     int cycles() const { return tracker_.cycles(); }
@@ -198,6 +220,17 @@ private:
     rbdn::LinearImage linear_;
 };
 
+nb::object working_colours(const rbdn::Config& config, const ByteImage& bgr) {
+    const rbdn::ColourTables tables(config);
+    std::vector<float> colours;
+    for (std::size_t k = 0; k < bgr.shape(0) * bgr.shape(1); ++k) {
+        const rbdn::ShortColour colour = tables(bgr.data() + 3 * k);
+        for (int c = 0; c < 3; ++c)
+            colours.push_back((colour[c] - rbdn::Image::kBlack[c]) / rbdn::Image::kUnitsPerLab);
+    }
+    return to_array(colours, {bgr.shape(0), bgr.shape(1), 3});
+}
+
 }  // namespace
 
 NB_MODULE(_core, m) {
@@ -224,6 +257,24 @@ NB_MODULE(_core, m) {
         .def_rw("max_polygons", &rbdn::Config::max_polygons)
         .def_rw("max_ms", &rbdn::Config::max_ms);
 
+    nb::enum_<rbdn::Step>(m, "Step")
+        .value("move", rbdn::Step::kMove)
+        .value("deform", rbdn::Step::kDeform)
+        .value("insert", rbdn::Step::kInsert)
+        .value("delete", rbdn::Step::kDelete)
+        .value("zip", rbdn::Step::kZip)
+        .value("snap", rbdn::Step::kSnap)
+        .value("snap_to_border", rbdn::Step::kSnapToBorder)
+        .value("merge", rbdn::Step::kMerge)
+        .value("vectorise", rbdn::Step::kVectorise)
+        .value("fragment", rbdn::Step::kFragment)
+        .value("turn", rbdn::Step::kTurn)
+        .value("displace", rbdn::Step::kDisplace)
+        .value("track", rbdn::Step::kTrack);
+
+    m.def("working_colours", &working_colours, "config"_a, "bgr"_a,
+          "For tests: (H, W, 3) colours as the net compares them, in CIELAB units or RGB levels.");
+
     nb::class_<NetCore>(m, "NetCore")
         .def(nb::init<const rbdn::Config&>(), "config"_a)
         .def("track", &NetCore::track, "bgr"_a, "source"_a,
@@ -231,7 +282,11 @@ NB_MODULE(_core, m) {
         .def("displace", &NetCore::displace, "regions"_a, "by_px"_a,
              "Put regions, by id, where they are expected in the next image; before track.")
         .def("refine", &NetCore::refine, "bgr"_a, "Regions, loops, vertices and sub-pixel outline as arrays.")
-        .def("faces", &NetCore::faces, "Vertices, edges (a, b, left, right), face means and the label image.")
+        .def("faces", &NetCore::faces,
+             "Vertices, edges (a, b, left, right), face means and areas, and the label image.")
+        .def("step", &NetCore::step, "step"_a, "seed"_a, "bgr"_a, "For tests: one operation, as Steps::apply.")
+        .def("disparity", &NetCore::disparity, "bgr"_a, "reach_px"_a,
+             "For tests: (E, 2, 2) pixels that are claimed across each edge, on its left and right, by halves.")
         .def_prop_ro("cycles", &NetCore::cycles)
         .def_prop_ro("polygons_limited", &NetCore::polygons_limited, "The polygon budget acted in the last frame.")
         .def_prop_ro("time_limited", &NetCore::time_limited, "The time budget acted in the last frame.")

@@ -31,8 +31,7 @@ constexpr int kRegroupCycles = 8;     // after each
 }  // namespace
 
 void Tracker::track(const std::uint8_t* bgr, int width, int height, const std::vector<int>& source) {
-    image_.load(bgr, width, height, frames_ == 0 ? 1 : kTrackMeanRows, frames_ == 0 ? 1 : kTrackMeanColumns);
-    means_version_ = disparity_version_ = kNone;
+    see(bgr, width, height, frames_ == 0 || literal());
     cycles_ = 0;
     begin_ = std::chrono::steady_clock::now();
     polygons_limited_ = time_limited_ = false;
@@ -50,6 +49,11 @@ void Tracker::displace(const std::vector<Displacement>& displacements) {
     displace_pixels(known_off_, mesh_, labels_, displacements);
     displace_regions(mesh_, crossings_, displacements);
     crossings_.face_of_pixels(mesh_, labels_);
+}
+
+void Tracker::see(const std::uint8_t* bgr, int width, int height, bool every_pixel) {
+    image_.load(bgr, width, height, every_pixel ? 1 : kTrackMeanRows, every_pixel ? 1 : kTrackMeanColumns);
+    means_version_ = disparity_version_ = kNone;
 }
 
 void Tracker::start() {

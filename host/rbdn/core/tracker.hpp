@@ -42,6 +42,9 @@ public:
     std::vector<int> faults() const { return find_faults(mesh_, crossings_); }
 
 private:
+    friend class Steps;
+
+    void see(const std::uint8_t* bgr, int width, int height, bool every_pixel);
     void start();
     void follow(const std::vector<int>& source);
     void finish();
