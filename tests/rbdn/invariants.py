@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from oracle import areas_of_faces, owners_of_pixels
 
 from host.rbdn import Net
 
@@ -15,12 +16,17 @@ def assert_sound(net: Net) -> None:
     xy = faces["vertices_px"] + 0.5  # the image is [0, W] x [0, H] here
     edges = faces["edges"]
     height, width = faces["labels"].shape
+    count = len(faces["means"])
     assert net.faults() == []
-    _assert_incidence(edges, len(xy), len(faces["means"]))
+    _assert_incidence(edges, len(xy), count)
     _assert_no_crossing(xy, edges)
+    _assert_wedges(xy, edges)
     _assert_border(xy, edges, width, height)
-    _assert_areas(xy, edges, len(faces["means"]), width, height)
-    _assert_euler(edges, len(xy), len(faces["means"]))
+    areas = areas_of_faces(xy, edges, count)
+    assert abs(areas.sum() - width * height) < 1e-6
+    assert (areas > 0).all()
+    _assert_euler(edges, len(xy), count)
+    _assert_labels(xy, edges, faces["labels"])
 
 
 def _assert_incidence(edges: np.ndarray, vertices: int, faces: int) -> None:
@@ -48,26 +54,29 @@ def _assert_no_crossing(xy: np.ndarray, edges: np.ndarray) -> None:
         assert set(edges[m, :2]) & set(edges[n, :2]), f"edges {m} and {n} cross"
 
 
+def _assert_wedges(xy: np.ndarray, edges: np.ndarray) -> None:
+    """Round every vertex, neighbouring edges name the same face between them."""
+    a, b, left, right = edges.T
+    along = xy[b] - xy[a]
+    # With y downwards angles grow clockwise: the face after an edge lies to the right of its direction.
+    vertex, before, after = np.r_[a, b], np.r_[left, right], np.r_[right, left]
+    angle = np.r_[np.arctan2(along[:, 1], along[:, 0]), np.arctan2(-along[:, 1], -along[:, 0])]
+    order = np.lexsort((angle, vertex))
+    for around in np.split(order, np.flatnonzero(np.diff(vertex[order])) + 1):
+        assert (after[around] == before[np.roll(around, -1)]).all(), f"torn at vertex {vertex[around[0]]}"
+
+
 def _assert_border(xy: np.ndarray, edges: np.ndarray, width: int, height: int) -> None:
-    outer = edges[(edges[:, 2:] == OUTSIDE).any(1)]
-    p, q = xy[outer[:, 0]], xy[outer[:, 1]]
-    on_side = np.zeros(len(outer), bool)
+    p, q = xy[edges[:, 0]], xy[edges[:, 1]]
+    on_side = np.zeros(len(edges), bool)
     for axis, limit in ((0, 0.0), (0, width), (1, 0.0), (1, height)):
         on_side |= (p[:, axis] == limit) & (q[:, axis] == limit)
-    assert on_side.all()
-    assert np.isclose(np.linalg.norm(q - p, axis=1).sum(), 2 * (width + height))
+    outer = (edges[:, 2:] == OUTSIDE).any(1)
+    assert (on_side == outer).all()
+    assert np.isclose(np.linalg.norm(q - p, axis=1)[outer].sum(), 2 * (width + height))
     corners = {(0.0, 0.0), (float(width), 0.0), (0.0, float(height)), (float(width), float(height))}
     assert corners <= {tuple(v) for v in xy.tolist()}
-
-
-def _assert_areas(xy: np.ndarray, edges: np.ndarray, faces: int, width: int, height: int) -> None:
-    p, q = xy[edges[:, 0]], xy[edges[:, 1]]
-    swept = -0.5 * (p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0])
-    area = np.zeros(faces + 1)  # the last entry collects the outside
-    np.add.at(area, edges[:, 2], swept)
-    np.add.at(area, edges[:, 3], -swept)
-    assert abs(area[:-1].sum() - width * height) < 1e-6
-    assert (area[:-1] > 0).all()
+    assert (xy >= 0).all() and (xy <= (width, height)).all()
 
 
 def _assert_euler(edges: np.ndarray, vertices: int, faces: int) -> None:
@@ -84,3 +93,9 @@ def _assert_euler(edges: np.ndarray, vertices: int, faces: int) -> None:
         root[find(a)] = find(b)
     components = len({find(k) for k in range(vertices)})
     assert vertices - len(edges) + faces + 1 == 1 + components
+
+
+def _assert_labels(xy: np.ndarray, edges: np.ndarray, labels: np.ndarray) -> None:
+    """Every pixel's centre lies in exactly one face, the one that its label names."""
+    owners, doubtful = owners_of_pixels(xy, edges, *labels.shape)
+    assert ((owners == labels) | doubtful).all()
