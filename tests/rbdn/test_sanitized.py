@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import shutil
 import subprocess
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
+from compile_core import compile_core
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-ROOT = Path(__file__).resolve().parents[2]
-CORE = ROOT / "host" / "rbdn" / "core"
-FLAGS = ["-std=c++20", "-O1", "-g", "-fno-omit-frame-pointer", "-fsanitize=address,undefined",
-         "-fno-sanitize-recover=all", "-D_GLIBCXX_ASSERTIONS", "-ffp-contract=off", f"-I{CORE}"]  # fmt: skip
+FLAGS = ["-O1", "-g", "-fno-omit-frame-pointer", "-fsanitize=address,undefined", "-fno-sanitize-recover=all",
+         "-D_GLIBCXX_ASSERTIONS"]  # fmt: skip
 OPERATIONS = 100_000
 A_PROGRAM = 100  # operations
 TRACK, NEXT_FRAME, REFINE = 12, 13, 14  # as fuzz_core.cpp numbers them
@@ -55,22 +52,8 @@ class FuzzCore:
 
 @pytest.fixture(scope="module")
 def fuzz_core(tmp_path_factory: pytest.TempPathFactory) -> Iterator[FuzzCore]:
-    compiler = shutil.which("c++")
-    if compiler is None:
-        pytest.skip("no C++ compiler: run 'sudo apt-get install g++'")
     out = tmp_path_factory.mktemp("fuzz")
-    sources = [p for p in sorted(CORE.glob("*.cpp")) if p.name != "bindings.cpp"]
-    sources.append(Path(__file__).with_name("fuzz_core.cpp"))
-
-    def build(source: Path) -> Path:
-        target = out / (source.stem + ".o")
-        subprocess.run([compiler, *FLAGS, "-c", str(source), "-o", str(target)], check=True)
-        return target
-
-    with ThreadPoolExecutor(2) as pool:
-        objects = [str(o) for o in pool.map(build, sources)]
-    program = out / "fuzz_core"
-    subprocess.run([compiler, "-fsanitize=address,undefined", *objects, "-o", str(program)], check=True)
+    program = compile_core(Path(__file__).with_name("fuzz_core.cpp"), FLAGS, out)
     core = FuzzCore(program, out / "errors.txt")
     yield core
     core.stop()
