@@ -137,12 +137,12 @@ class Net:
                 area_px=float(fine["area_px"][k]),
                 sigma_area_px=float(fine["sigma_area_px"][k]),
                 touches_border=bool(fine["touches_border"][k]),
-                mean_rgb=tuple(float(c) for c in fine["mean_rgb"][k]),
+                mean_rgb=(red, green, blue),
                 loops=tuple(fine["vertices_px"][v] for v, _ in loops[k]),
                 loop_vertices=tuple(fine["vertex_ids"][v] for v, _ in loops[k]),
                 loop_neighbours=tuple(np.where(n >= 0, ids[n], OUTSIDE) for _, n in loops[k]),
             )
-            for k in range(len(ids))
+            for k, (red, green, blue) in enumerate(fine["mean_rgb"].tolist())
         )
         return Snapshot(
             seq=self._seq,

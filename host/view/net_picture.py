@@ -158,7 +158,8 @@ def _write_labels(canvas: np.ndarray, labels: list[_Label], scale: int) -> None:
     for label in sorted(labels, key=lambda found: (not found.always, -found.region.area_px)):
         if label.region.area_px < smallest and not label.always:
             continue
-        box = _place(canvas, _middle(label.region, scale), text_size(label.text, label.letters), taken)
+        x, y = np.round((middle_of(label.region) + 0.5) * scale).astype(int)
+        box = _place(canvas, (int(x), int(y)), text_size(label.text, label.letters), taken)
         if box is None:
             continue
         taken.append(box)
@@ -168,16 +169,16 @@ def _write_labels(canvas: np.ndarray, labels: list[_Label], scale: int) -> None:
         write(canvas, label.text, (x0 + 4 + MARGIN_PX, y1 - MARGIN_PX), label.letters, label.colour)
 
 
-def _middle(region: Region, scale: int) -> tuple[int, int]:
-    """The place in the region farthest from its outline, in the enlarged picture."""
+def middle_of(region: Region) -> np.ndarray:
+    """The place (2,) in a region farthest from its outline, px."""
     outer = region.loops[0]
     low = np.floor(outer.min(axis=0)).astype(int) - 1
     width, height = np.ceil(outer.max(axis=0)).astype(int) - low + 2
     mask = np.zeros((height, width), np.uint8)
     loops = [np.round(loop - low).astype(np.int32).reshape(-1, 1, 2) for loop in region.loops]
     cv2.fillPoly(mask, loops, 1)
-    _, _, _, (x, y) = cv2.minMaxLoc(cv2.distanceTransform(mask, cv2.DIST_L2, 3))
-    return round((x + low[0] + 0.5) * scale), round((y + low[1] + 0.5) * scale)
+    _, _, _, farthest = cv2.minMaxLoc(cv2.distanceTransform(mask, cv2.DIST_L2, 3))
+    return np.array(farthest, float) + low
 
 
 def _place(
