@@ -187,20 +187,8 @@ void move_vertices(Mesh& mesh, const std::vector<Disparity>& disparity, int reac
 }
 
 void displace_vertices(Mesh& mesh, const std::vector<Vec2>& moves) {
-    for (std::size_t k = 0; k < mesh.vertices.size(); ++k) {
-        Vertex& v = mesh.vertices[k];
-        constexpr double kInset = 0.02;  // interior vertices stay off the border
-        const double inset_x = v.sides & (kLeftSide | kRightSide) ? 0.0 : kInset;
-        const double inset_y = v.sides & (kTopSide | kBottomSide) ? 0.0 : kInset;
-        // A border vertex keeps off the corners, which are vertices of their own.
-        const double low_x = v.sides & (kTopSide | kBottomSide) ? kInset : inset_x;
-        const double low_y = v.sides & (kLeftSide | kRightSide) ? kInset : inset_y;
-        const Vec2 target = v.p + moves[k];
-        if (!mesh.is_corner(static_cast<int>(k))) {
-            v.p.x = v.sides & (kLeftSide | kRightSide) ? v.p.x : std::clamp(target.x, low_x, mesh.width - low_x);
-            v.p.y = v.sides & (kTopSide | kBottomSide) ? v.p.y : std::clamp(target.y, low_y, mesh.height - low_y);
-        }
-    }
+    for (std::size_t k = 0; k < mesh.vertices.size(); ++k)
+        mesh.place(static_cast<int>(k), mesh.vertices[k].p + moves[k]);
 }
 
 void settle_moves(Mesh& mesh, Crossings& crossings) {
