@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import signal
 import subprocess
 import sys
@@ -51,6 +52,7 @@ class FakeNet:
             cycles=3,
             net_ms=1.5,
             refine_ms=0.5,
+            limits=("polygons merged further, to keep to 3",),
         )
 
 
@@ -105,6 +107,7 @@ def test_the_results_have_every_key_of_the_contract_and_null_where_nothing_is_kn
     times = frame["time_ms"]
     assert (times["net"], times["refine"]) == (1.5, 0.5)
     assert 0 <= times["depth"] <= times["total"]
+    assert frame["limits"] == ["polygons merged further, to keep to 3"]
     known, unknown = frame["regions"]
     assert known == {
         "id": 7,
@@ -278,3 +281,8 @@ def test_help_explains_each_option_and_setting():
         "--net.merge-distance",
     ):
         assert part in done.stdout
+
+
+def test_budgets_that_acted_are_told_below_the_table(sequence_folder: Path, monkeypatch, capfd):
+    assert command(monkeypatch, sequence_folder, "--net.max-polygons", 1) == 0
+    assert re.search("in [1-4] of 4 frames: polygons merged further, to keep to 1", capfd.readouterr().out)
