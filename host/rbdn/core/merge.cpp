@@ -39,13 +39,29 @@ bool is_insignificant(const Outline& outline, const MergeRule& rule) {
     return outline.area_px < rule.min_area_px || 2.0 * outline.area_px < rule.min_width_px * outline.length_px;
 }
 
-// Length of the border that a face shares with each of its neighbours.
+float apart2(const Colour& a, const Colour& b, float lightness_gain) {
+    const float lightness = lightness_gain * (a[0] - b[0]);
+    return lightness * lightness + (a[1] - b[1]) * (a[1] - b[1]) + (a[2] - b[2]) * (a[2] - b[2]);
+}
+
+// The border between two faces.
+struct Border {
+    double length_px = 0;
+    double jump = 0;  // of the colour across it, times length
+
+    void add(const Border& other) {
+        length_px += other.length_px;
+        jump += other.jump;
+    }
+};
+
+// The border that a face shares with each of its neighbours.
 class Neighbours {
 public:
-    double& shared_with(int face) {
+    Border& shared_with(int face) {
         const auto place = find(face);
         if (place != items_.end() && place->first == face) return place->second;
-        return items_.insert(place, {face, 0.0})->second;
+        return items_.insert(place, {face, Border{}})->second;
     }
     void erase(int face) {
         const auto place = find(face);
@@ -57,7 +73,7 @@ public:
     auto end() const { return items_.end(); }
 
 private:
-    using Items = std::vector<std::pair<int, double>>;
+    using Items = std::vector<std::pair<int, Border>>;
     Items::iterator find(int face) {
         return std::lower_bound(items_.begin(), items_.end(), face,
                                 [](const auto& item, int wanted) { return item.first < wanted; });
@@ -69,22 +85,24 @@ private:
 // Faces as a shrinking graph: each group of merged faces is represented by one of them.
 class FaceGraph {
 public:
-    explicit FaceGraph(const Mesh& mesh)
+    FaceGraph(const Mesh& mesh, double lightness_gain, const std::vector<float>& jumps)
         : root_(mesh.faces.size()), sum_(mesh.faces.size()), mean_(mesh.faces.size()),
           neighbours_(mesh.faces.size()), outline_(measure_outlines(mesh)), version_(mesh.faces.size(), 0),
-          alive_(mesh.faces.size(), 0) {
+          alive_(mesh.faces.size(), 0), lightness_gain_(static_cast<float>(lightness_gain)) {
         for (std::size_t k = 0; k < mesh.faces.size(); ++k) {
             root_[k] = static_cast<int>(k);
             sum_[k] = mesh.faces[k].sum;
             mean_[k] = mesh.faces[k].mean;
         }
-        for (const Edge& e : mesh.edges) {
+        for (std::size_t k = 0; k < mesh.edges.size(); ++k) {
+            const Edge& e = mesh.edges[k];
             for (int face : {e.left, e.right})
                 if (face >= 0) alive_[face] = 1;
             if (!e.on_border() && e.left != e.right) {
                 const double size = mesh.edge_length(e);
-                neighbours_[e.left].shared_with(e.right) += size;
-                neighbours_[e.right].shared_with(e.left) += size;
+                const Border border{size, jumps.empty() ? 0.0 : size * jumps[k]};
+                neighbours_[e.left].shared_with(e.right).add(border);
+                neighbours_[e.right].shared_with(e.left).add(border);
             }
         }
     }
@@ -94,9 +112,10 @@ public:
     int living() const { return static_cast<int>(std::count(alive_.begin(), alive_.end(), 1)); }
     int version(int face) const { return version_[face]; }
     const Neighbours& neighbours(int face) const { return neighbours_[face]; }
+    const Border& border(int a, int b) { return neighbours_[a].shared_with(b); }
     const Outline& outline(int face) const { return outline_[face]; }
 
-    double colour_distance2(int a, int b) const { return distance2(mean_[a], mean_[b]); }
+    double colour_distance2(int a, int b) const { return apart2(mean_[a], mean_[b], lightness_gain_); }
 
     int root_of(int face) const {
         while (root_[face] != face) face = root_[face];
@@ -108,13 +127,13 @@ public:
         const int kept = outline_[a].area_px >= outline_[b].area_px ? a : b;
         const int gone = kept == a ? b : a;
         outline_[kept].area_px += outline_[gone].area_px;
-        outline_[kept].length_px += outline_[gone].length_px - 2.0 * neighbours_[kept].shared_with(gone);
+        outline_[kept].length_px += outline_[gone].length_px - 2.0 * neighbours_[kept].shared_with(gone).length_px;
         neighbours_[kept].erase(gone);
         for (const auto& [other, shared] : neighbours_[gone]) {
             neighbours_[other].erase(gone);
             if (other == kept) continue;
-            neighbours_[kept].shared_with(other) += shared;
-            neighbours_[other].shared_with(kept) += shared;
+            neighbours_[kept].shared_with(other).add(shared);
+            neighbours_[other].shared_with(kept).add(shared);
         }
         neighbours_[gone].clear();
         // A face too small to hold a pixel that counts has no colour to contribute.
@@ -134,6 +153,7 @@ private:
     std::vector<Outline> outline_;
     std::vector<int> version_;
     std::vector<char> alive_;
+    float lightness_gain_;
 };
 
 struct Candidate {
@@ -146,9 +166,10 @@ struct Candidate {
     }
 };
 
-int merge_alike(FaceGraph& graph, double eta, int most_merges) {
+int merge_alike(FaceGraph& graph, double eta, double sharp_jump, int most_merges) {
     std::priority_queue<Candidate, std::vector<Candidate>, std::greater<>> queue;
-    const auto offer = [&](int a, int b) {
+    const auto offer = [&](int a, int b, const Border& border) {
+        if (sharp_jump > 0 && border.jump > sharp_jump * border.length_px) return;
         const double d2 = graph.colour_distance2(a, b);
         if (d2 <= eta * eta)
             queue.push({d2, std::min(a, b), std::max(a, b), graph.version(std::min(a, b)),
@@ -156,7 +177,7 @@ int merge_alike(FaceGraph& graph, double eta, int most_merges) {
     };
     for (int a = 0; a < graph.size(); ++a)
         for (const auto& [b, shared] : graph.neighbours(a))
-            if (a < b) offer(a, b);
+            if (a < b) offer(a, b, shared);
 
     int merged = 0;
     while (!queue.empty() && merged < most_merges) {
@@ -164,7 +185,7 @@ int merge_alike(FaceGraph& graph, double eta, int most_merges) {
         queue.pop();
         if (!graph.alive(c.a) || !graph.alive(c.b)) continue;
         if (graph.version(c.a) != c.version_a || graph.version(c.b) != c.version_b) {
-            offer(c.a, c.b);  // their colours have changed since
+            offer(c.a, c.b, graph.border(c.a, c.b));  // their colours have changed since
             continue;
         }
         const int gone = graph.outline(c.a).area_px >= graph.outline(c.b).area_px ? c.b : c.a;
@@ -173,7 +194,7 @@ int merge_alike(FaceGraph& graph, double eta, int most_merges) {
         ++merged;
         // The survivor's older pairs are looked at again when their turn comes.
         for (const auto& [other, shared] : met)
-            if (other != kept) offer(kept, other);
+            if (other != kept) offer(kept, other, graph.border(kept, other));
     }
     return merged;
 }
@@ -200,11 +221,14 @@ int merge_insignificant(FaceGraph& graph, const MergeRule& rule) {
 }
 
 // Is there a pair alike or a face insignificant? Mostly not, and then the graph need not be built.
-bool may_merge(const Mesh& mesh, const MergeRule& rule) {
-    for (const Edge& e : mesh.edges) {
+bool may_merge(const Mesh& mesh, const MergeRule& rule, const std::vector<float>& jumps) {
+    const auto gain = static_cast<float>(rule.lightness_gain);
+    for (std::size_t k = 0; k < mesh.edges.size(); ++k) {
+        const Edge& e = mesh.edges[k];
         if (e.on_border()) continue;
         if (e.left == e.right) return true;
-        if (distance2(mesh.faces[e.left].mean, mesh.faces[e.right].mean) <= rule.eta * rule.eta) return true;
+        if (!jumps.empty() && jumps[k] > rule.sharp_jump) continue;
+        if (apart2(mesh.faces[e.left].mean, mesh.faces[e.right].mean, gain) <= rule.eta * rule.eta) return true;
     }
     const std::vector<Outline> outlines = measure_outlines(mesh);
     return std::any_of(outlines.begin(), outlines.end(),
@@ -221,12 +245,12 @@ void apply(const FaceGraph& graph, Mesh& mesh) {
 
 }  // namespace
 
-int merge_faces(Mesh& mesh, const MergeRule& rule) {
-    if (!may_merge(mesh, rule)) return 0;
-    FaceGraph graph(mesh);
+int merge_faces(Mesh& mesh, const MergeRule& rule, const std::vector<float>& jumps) {
+    if (!may_merge(mesh, rule, jumps)) return 0;
+    FaceGraph graph(mesh, rule.lightness_gain, jumps);
     int merged = 0;
     for (int more = 1; more > 0; merged += more) {
-        more = merge_alike(graph, rule.eta, graph.size());
+        more = merge_alike(graph, rule.eta, jumps.empty() ? 0.0 : rule.sharp_jump, graph.size());
         more += merge_insignificant(graph, rule);
     }
     if (merged > 0) apply(graph, mesh);
@@ -235,10 +259,10 @@ int merge_faces(Mesh& mesh, const MergeRule& rule) {
 
 int merge_to_fit(Mesh& mesh, int most_faces) {
     if (static_cast<int>(mesh.faces.size()) <= most_faces) return 0;
-    FaceGraph graph(mesh);
+    FaceGraph graph(mesh, 1.0, {});
     const int too_many = graph.living() - most_faces;
     if (too_many <= 0) return 0;
-    const int merged = merge_alike(graph, std::numeric_limits<double>::infinity(), too_many);
+    const int merged = merge_alike(graph, std::numeric_limits<double>::infinity(), 0.0, too_many);
     apply(graph, mesh);
     return merged;
 }

@@ -16,6 +16,7 @@ constexpr int kFewSamples = 6;
 constexpr double kForeign = 0.75;  // of the way from a face's own mean to its neighbour's
 constexpr int kSampleStep = 4;  // px between the pixels at which the last frame is remembered
 constexpr float kExtraLightness = 1.5F;  // steps discount lightness less than merging does
+constexpr double kPartingJump = 1.5;  // of a sharp one; faces of one region part only above it
 
 // Colours beside an edge, or beside all edges between two faces.
 struct Strip {
@@ -34,6 +35,8 @@ struct Strip {
 
 struct Step {
     Strip left, right;
+    double jump = 0;  // times length
+    double length_px = 0;
 };
 
 // Does a strip show the face beyond the edge rather than its own? Such an edge is out of place, and the colour
@@ -51,7 +54,8 @@ bool is_foreign(const Strip& strip, const Colour& own, const Colour& beyond) {
 using FacePair = std::pair<int, int>;
 
 // Mean colours beside the common edges of every pair of neighbours.
-std::map<FacePair, Step> measure_steps(const Mesh& mesh, const Image& image, const std::vector<int>& labels) {
+std::map<FacePair, Step> measure_steps(const Mesh& mesh, const Image& image, const std::vector<int>& labels,
+                                       const std::vector<float>& jumps) {
     std::map<FacePair, Step> steps;
     for (const Edge& e : mesh.edges) {
         if (e.on_border() || e.left == e.right) continue;
@@ -59,6 +63,8 @@ std::map<FacePair, Step> measure_steps(const Mesh& mesh, const Image& image, con
         Step& step = steps[{std::min(e.left, e.right), std::max(e.left, e.right)}];
         const double size = mesh.edge_length(e);
         if (size < 1e-9) continue;
+        step.jump += jumps.empty() ? 0.0 : size * jumps[static_cast<std::size_t>(&e - mesh.edges.data())];
+        step.length_px += size;
         const Vec2 a = mesh.vertices[e.a].p;
         const Vec2 unit = (1.0 / size) * mesh.along(e);
         const Vec2 normal = left_normal(mesh.along(e));
@@ -133,9 +139,9 @@ void RegionGrouping::for_each_sample(const Mesh& mesh, Visit visit) const {
 }
 
 RegionSet RegionGrouping::update(Mesh& mesh, const Image& image, const std::vector<int>& labels,
-                                 const RegionRule& rule) {
+                                 const std::vector<float>& jumps, const RegionRule& rule) {
     RegionSet set;
-    set.of_face = group_faces(mesh, image, labels, rule);
+    set.of_face = group_faces(mesh, image, labels, jumps, rule);
     name_groups(mesh, image, labels, rule, set);
     set.gone = find_gone(mesh, image, labels, rule, set);
     return set;
@@ -143,14 +149,16 @@ RegionSet RegionGrouping::update(Mesh& mesh, const Image& image, const std::vect
 
 // Group of every face, numbered from 0 in the order of the faces.
 std::vector<int> RegionGrouping::group_faces(const Mesh& mesh, const Image& image, const std::vector<int>& labels,
-                                             const RegionRule& rule) {
+                                             const std::vector<float>& jumps, const RegionRule& rule) {
     UnionFind joined(mesh.faces.size());
     std::set<std::pair<std::int64_t, std::int64_t>> links;
-    for (const auto& [pair, step] : measure_steps(mesh, image, labels)) {
+    for (const auto& [pair, step] : measure_steps(mesh, image, labels, jumps)) {
         const Face& a = mesh.faces[pair.first];
         const Face& b = mesh.faces[pair.second];
         const auto key = std::minmax(a.id, b.id);
         const bool linked = links_.contains({key.first, key.second});
+        const double sharp = (linked ? kPartingJump : 1.0) * rule.sharp_jump;
+        if (!jumps.empty() && step.jump > sharp * step.length_px) continue;
         if (step_size(step, a, b) < (linked ? rule.keep_step : rule.link_step)) {
             joined.join(pair.first, pair.second);
             links.insert({key.first, key.second});

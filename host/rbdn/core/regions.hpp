@@ -19,6 +19,7 @@ struct RegionRule {
     double keep_step;    // joined faces part only above this
     double same_colour;  // a pixel nearer than this to a mean may belong to it
     double smallest_px;  // less than this is not worth following
+    double sharp_jump;   // faces with a larger jump between them are no region, unless they were one
 };
 
 constexpr std::int64_t kNoRegion = -1;
@@ -45,7 +46,9 @@ public:
     // pixel, say where it is expected there.
     void expect(const Mesh& mesh, const std::vector<int>& labels);
 
-    RegionSet update(Mesh& mesh, const Image& image, const std::vector<int>& labels, const RegionRule& rule);
+    // `jumps`: of every edge (jumps.hpp); empty where they do not matter.
+    RegionSet update(Mesh& mesh, const Image& image, const std::vector<int>& labels, const std::vector<float>& jumps,
+                     const RegionRule& rule);
 
 private:
     // A face as the last frame left it.
@@ -56,7 +59,7 @@ private:
     };
 
     std::vector<int> group_faces(const Mesh& mesh, const Image& image, const std::vector<int>& labels,
-                                 const RegionRule& rule);
+                                 const std::vector<float>& jumps, const RegionRule& rule);
     template <class Visit>
     void for_each_sample(const Mesh& mesh, Visit visit) const;
     void name_groups(Mesh& mesh, const Image& image, const std::vector<int>& labels, const RegionRule& rule,

@@ -2,7 +2,9 @@
 #include "tracker.hpp"
 
 #include <algorithm>
+#include <limits>
 
+#include "jumps.hpp"
 #include "loops.hpp"
 #include "merge.hpp"
 #include "paper.hpp"
@@ -25,6 +27,11 @@ constexpr double kOffGate = 1.6;      // eta; farther than this from its face, a
 constexpr int kTrackMeanRows = 4;     // means are taken over every so many rows and columns; the first squares'
 constexpr int kTrackMeanColumns = 2;  // need all of their pixels
 constexpr double kNewsShare = 0.3;    // of the smallest polygon's area: a part may fit
+constexpr double kAnyDistance = std::numeric_limits<double>::infinity();
+constexpr double kSharpJump = 6.0;    // CIELAB units; more is an outline rather than shading
+constexpr double kRoughness = 4.0;    // the same as a multiple of what neighbouring squares mostly differ by
+constexpr double kRoughest = 12.0;    // CIELAB units; on rougher surfaces lightness tells nothing
+constexpr int kLightnessCycles = 6;   // in which lightness counts in full
 constexpr int kFragmentations = 2;    // per frame
 constexpr int kRegroupCycles = 8;     // after each
 
@@ -60,6 +67,7 @@ void Tracker::start() {
     mesh_.make_grid(image_.width(), image_.height(), config_.square_px);
     crossings_.build(mesh_);
     update_means();
+    if (!literal()) find_outlines_in_lightness();
     merge();
     deform(config_.start_reach_px, config_.start_cycles, false);
     if (literal()) return;
@@ -68,6 +76,18 @@ void Tracker::start() {
         cut_out_news();
         if (cycles_ == before) break;
     }
+}
+
+// Squares of one hue would merge across an outline in lightness before there is an edge on it. So lightness counts
+// in full at first; then what only shading keeps apart merges after all.
+void Tracker::find_outlines_in_lightness() {
+    const double rough = kRoughness * typical_difference(mesh_, lightness_gain());
+    if (rough > kRoughest * Image::kUnitsPerLab) return;
+    sharp_jump_ = std::max(kSharpJump * Image::kUnitsPerLab, rough);
+    lightness_in_full_ = true;
+    merge();
+    deform(config_.start_reach_px, kLightnessCycles, false);
+    lightness_in_full_ = false;
 }
 
 void Tracker::follow(const std::vector<int>& source) {
@@ -100,8 +120,10 @@ void Tracker::finish() {
     const double units = Image::kUnitsPerLab;
     // In the paper every polygon is a region.
     const RegionRule rule{literal() ? 0.0 : config_.group_step * units, literal() ? 0.0 : config_.keep_step * units,
-                          kOffGate * eta(), config_.min_area_px};
-    regions_ = grouping_.update(mesh_, image_, labels_, rule);
+                          kOffGate * eta(), config_.min_area_px, sharp_jump_};
+    const std::vector<float> jumps =
+        sharp_jump_ > 0 ? measure_jumps(mesh_, crossings_, image_, kAnyDistance, lightness_gain()) : std::vector<float>{};
+    regions_ = grouping_.update(mesh_, image_, labels_, jumps, rule);
 }
 
 void Tracker::deform(int reach_px, int most_cycles, bool keep_means) {
@@ -182,7 +204,15 @@ int Tracker::split() {
 }
 
 int Tracker::merge() {
-    const int merged = merge_faces(mesh_, {eta(), config_.min_area_px, literal() ? 0.0 : config_.min_width_px});
+    MergeRule rule{eta(), config_.min_area_px, literal() ? 0.0 : config_.min_width_px, 1.0, sharp_jump_};
+    std::vector<float> jumps;
+    if (lightness_in_full_) {
+        rule.eta = sharp_jump_;
+        rule.lightness_gain = lightness_gain();
+    } else if (sharp_jump_ > 0) {
+        jumps = measure_jumps(mesh_, crossings_, image_, eta(), lightness_gain());
+    }
+    const int merged = merge_faces(mesh_, rule, jumps);
     if (merged > 0) {
         crossings_.build(mesh_, crossings_.step());
         update_means();

@@ -46,6 +46,7 @@ private:
 
     void see(const std::uint8_t* bgr, int width, int height, bool every_pixel);
     void start();
+    void find_outlines_in_lightness();
     void follow(const std::vector<int>& source);
     void finish();
 
@@ -61,6 +62,7 @@ private:
     void fragment();
     void regroup();
     bool literal() const { return config_.mode == Mode::kPaper; }
+    double lightness_gain() const { return config_.lightness_weight > 0 ? 1.0 / config_.lightness_weight : 1.0; }
     double eta() const {
         return Image::kUnitsPerLab * (literal() ? config_.rgb_distance : config_.merge_distance);
     }
@@ -82,6 +84,9 @@ private:
     int disparity_version_ = kNone;
     int disparity_reach_px_ = 0;
     Mesh sure_;  // the net when all lines were last found consistent
+
+    bool lightness_in_full_ = false;  // polygons merge only where lightness, too, is alike
+    double sharp_jump_ = 0;           // working units; a larger jump is an outline. 0: the image is too rough to tell
 
     int frames_ = 0;
     int cycles_ = 0;
