@@ -1,11 +1,13 @@
 // Runs programs of net operations under sanitizers and checks the net after every one of them.
 //
+// usage: fuzz_core SCALE, of the images; 1 for the smallest
+//
 // A program is a line of hexadecimal bytes on standard input: three that choose a scene and settings, then two for
 // each operation. Every line is answered: "sound N" after N operations, or what broke and where.
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
+#include <cstdlib>
 #include <iostream>
 #include <optional>
 #include <random>
@@ -255,9 +257,9 @@ void refine(const rbdn::Tracker& tracker, const std::vector<std::uint8_t>& image
     rbdn::refine(rbdn::with_whole_corners(mesh), linear, tracker.labels(), itself, static_cast<int>(itself.size()));
 }
 
-std::string run(const std::vector<int>& program) {
+std::string run(const std::vector<int>& program, int scale) {
     const auto byte = [&](std::size_t k) { return k < program.size() ? program[k] : 0; };
-    const auto [width, height] = kSizes[byte(2) % 4];
+    const int width = scale * kSizes[byte(2) % 4][0], height = scale * kSizes[byte(2) % 4][1];
     rbdn::Config config;
     config.mode = byte(2) / 4 % 4 == 0 ? rbdn::Mode::kPaper : rbdn::Mode::kOurs;
     config.square_px = 4 + byte(2) / 16 % 4 * 4;
@@ -286,10 +288,12 @@ std::string run(const std::vector<int>& program) {
 
 }  // namespace
 
-int main() {
+int main(int argc, char** argv) {
+    if (argc != 2) return 2;
+    const int scale = std::atoi(argv[1]);
     for (std::string line; std::getline(std::cin, line);) {
         std::vector<int> program;
         for (std::size_t k = 0; k + 1 < line.size(); k += 2) program.push_back(std::stoi(line.substr(k, 2), nullptr, 16));
-        std::cout << run(program) << std::endl;
+        std::cout << run(program, scale) << std::endl;
     }
 }

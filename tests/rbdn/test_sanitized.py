@@ -21,8 +21,8 @@ TRACK, NEXT_FRAME, REFINE = 12, 13, 14  # as fuzz_core.cpp numbers them
 class FuzzCore:
     """The program that runs operations; started again after it stopped at a fault."""
 
-    def __init__(self, program: Path, errors: Path) -> None:
-        self._command = [str(program)]
+    def __init__(self, program: Path, scale: int, errors: Path) -> None:
+        self._command = [str(program), str(scale)]
         self._errors = errors
         self._process: subprocess.Popen[str] | None = None
         self.operations_done = 0
@@ -41,7 +41,9 @@ class FuzzCore:
         if not answer:
             self.stop()
             raise AssertionError(self._errors.read_text()[-3000:])
-        assert answer.startswith("sound "), f"{answer.strip()}: echo {program.hex()} | fuzz_core"
+        assert answer.startswith("sound "), (
+            f"{answer.strip()}: echo {program.hex()} | {' '.join(self._command)}"
+        )
         self.operations_done += int(answer.split()[1])
 
     def stop(self) -> None:
@@ -51,26 +53,28 @@ class FuzzCore:
 
 
 @pytest.fixture(scope="module")
-def fuzz_core(tmp_path_factory: pytest.TempPathFactory) -> Iterator[FuzzCore]:
-    out = tmp_path_factory.mktemp("fuzz")
-    program = compile_core(Path(__file__).with_name("fuzz_core.cpp"), FLAGS, out)
-    core = FuzzCore(program, out / "errors.txt")
+def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return compile_core(Path(__file__).with_name("fuzz_core.cpp"), FLAGS, tmp_path_factory.mktemp("fuzz"))
+
+
+@pytest.fixture
+def fuzz_core(program: Path, tmp_path: Path, request: pytest.FixtureRequest) -> Iterator[FuzzCore]:
+    core = FuzzCore(program, getattr(request, "param", 1), tmp_path / "errors.txt")
     yield core
     core.stop()
 
 
 def test_a_hundred_thousand_operations_in_any_order_never_break_an_invariant(fuzz_core: FuzzCore):
-    before = fuzz_core.operations_done
-
     @settings(max_examples=OPERATIONS // A_PROGRAM, deadline=None, suppress_health_check=list(HealthCheck))
     @given(st.binary(min_size=3 + 2 * A_PROGRAM, max_size=3 + 2 * A_PROGRAM))
     def run(program: bytes) -> None:
         fuzz_core.assert_sound(program)
 
     run()
-    assert fuzz_core.operations_done - before >= OPERATIONS
+    assert fuzz_core.operations_done >= OPERATIONS
 
 
+@pytest.mark.parametrize("fuzz_core", [3], indirect=True, ids="{}x".format)
 @pytest.mark.parametrize("settings_byte", range(0, 256, 37))
 def test_frames_of_random_scenes_never_break_an_invariant(fuzz_core: FuzzCore, settings_byte: int):
     frame = bytes([TRACK, 0, REFINE, 0, NEXT_FRAME, 0])
