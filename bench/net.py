@@ -25,14 +25,16 @@ from rich.table import Table
 from bench.flat_scenes import DISTURBANCES, FlatScene, Score, labels_of, score
 from bench.memory import peak_mb_of_tracking
 from host.errors import InputError, run_command
-from host.rbdn import Net
+from host.rbdn import Net, NetConfig
 
 SIZES = ((320, 240), (640, 480), (1280, 720))
 MOTION_PX = 2.5  # a frame
 FRAMES = 5
 FIRST, TRACKED, REFINED = "net, first frame", "net, tracked frame", "net, refinement"
 WHOLE = "net, all of it, tracked"
-OURS = (FIRST, TRACKED, REFINED, WHOLE)
+PAPER_FIRST, PAPER_TRACKED = "paper's rules, first frame", "paper's rules, tracked frame"
+OURS = (FIRST, TRACKED, REFINED, WHOLE, PAPER_FIRST, PAPER_TRACKED)
+PAPER = NetConfig(mode="paper")
 FLOW = "DIS flow, ultrafast"
 NOT_INSTALLED = "not installed"
 REMEDY = (
@@ -162,13 +164,14 @@ def judge_first_frames(scenes: int) -> dict[str, dict[str, Row]]:
     rivals = segmenters()
     results: dict[str, dict[str, Row]] = {}
     for disturbance, how in DISTURBANCES.items():
-        rows = results[disturbance] = {FIRST: Row()}
+        rows = results[disturbance] = {FIRST: Row(), PAPER_FIRST: Row()}
         rows |= {name: Row(note="" if rival else NOT_INSTALLED) for name, rival in rivals.items()}
         for seed in range(scenes):
             image, truth = FlatScene(seed).draw(320, 240, disturbance=how)
-            core = TimedCore.of(net := Net())
-            rows[FIRST].judge(truth, labels_of(net.track(image), 320, 240))
-            rows[FIRST].times_ms.append(core.track_ms)
+            for name, config in ((FIRST, NetConfig()), (PAPER_FIRST, PAPER)):
+                core = TimedCore.of(net := Net(config))
+                rows[name].judge(truth, labels_of(net.track(image), 320, 240))
+                rows[name].times_ms.append(core.track_ms)
             for name, rival in rivals.items():
                 if rival is not None:
                     rows[name].judge(truth, _timed(rows[name], lambda run=rival, image=image: run(image)))
@@ -176,9 +179,9 @@ def judge_first_frames(scenes: int) -> dict[str, dict[str, Row]]:
 
 
 def _follow(rows: dict[str, Row], frames: list[tuple[np.ndarray, np.ndarray]], flow, judge: bool) -> None:
-    """One new net through the frames, the flow of the same frames in between."""
-    net = Net()
-    core = TimedCore.of(net)
+    """A new net of each mode through the frames, the flow of the same frames in between."""
+    core = TimedCore.of(net := Net())
+    literal_core = TimedCore.of(literal_net := Net(PAPER))
     before = None
     for k, (image, truth) in enumerate(frames):
         begin = time.thread_time()
@@ -188,6 +191,11 @@ def _follow(rows: dict[str, Row], frames: list[tuple[np.ndarray, np.ndarray]], f
         row = rows[TRACKED if k > 0 else FIRST]
         row.times_ms.append(core.track_ms)
         rows[REFINED].times_ms.append(core.refine_ms)
+        if judge:
+            row.judge(truth, labels_of(snapshot, truth.shape[1], truth.shape[0]))
+        snapshot = literal_net.track(image)
+        row = rows[PAPER_TRACKED if k > 0 else PAPER_FIRST]
+        row.times_ms.append(literal_core.track_ms)
         if judge:
             row.judge(truth, labels_of(snapshot, truth.shape[1], truth.shape[0]))
         grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
