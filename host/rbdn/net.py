@@ -174,13 +174,15 @@ class Net:
     def _events(self, fine: dict[str, np.ndarray]) -> tuple[Event, ...]:
         """What changed in the set of regions; keeps track of where each came from."""
         events = []
-        new = zip(fine["region_ids"], fine["region_parents"], fine["region_is_news"], strict=True)
-        for region, parent, is_news in ((int(r), _known(p), bool(n)) for r, p, n in new):
+        ids, parents = fine["region_ids"].tolist(), fine["region_parents"]
+        kinds = np.where((fine["region_is_news"] > 0) | (parents < 0), "birth", "split")
+        kinds = np.where(fine["region_is_back"] > 0, "return", kinds).tolist()
+        for region, parent, kind in zip(ids, map(_known, parents), kinds, strict=True):
             if region in self._origins:
                 continue
             self._origins[region] = self._seq, parent
             if self._seq > 0:
-                events.append(Event("birth" if is_news or parent is None else "split", region, parent))
+                events.append(Event(kind, region, parent))
         for region, became in zip(fine["gone_ids"].tolist(), map(_known, fine["gone_became"]), strict=True):
             del self._origins[region]
             events.append(Event("end" if became is None else "merge", region, became))

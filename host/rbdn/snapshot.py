@@ -15,7 +15,7 @@ class Region:
 
     id: int  # kept from frame to frame
     parent: int | None  # the region it came out of when it was new, if any
-    born_seq: int  # frame in which the id first appeared
+    born_seq: int  # frame in which the id first appeared, or came back
     area_px: float  # soft area, sub-pixel
     sigma_area_px: float  # its standard error
     touches_border: bool
@@ -53,10 +53,11 @@ class Event:
     ``birth``: something new in the picture; `parent` is the region in which it appeared, None where a turn of
     the camera brought it in. ``split``: a part of `parent` that fell off, or was told apart from it only now.
     ``merge``: its pixels became part of `parent`. ``end``: it left the image, was hidden, or shrank to less
-    than is worth following; `parent` is None.
+    than is worth following; `parent` is None. ``return``: one that ended or merged a while ago is seen again,
+    known by its colour and place; `parent` is the region in which it appeared.
     """
 
-    kind: str  # "birth", "split", "merge" or "end"
+    kind: str  # "birth", "split", "merge", "end" or "return"
     id: int
     parent: int | None
 

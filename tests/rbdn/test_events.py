@@ -121,7 +121,7 @@ def test_events_account_for_every_id_that_comes_or_goes(seed):
     for k in range(25):
         snapshot = net.track(random_scene(int(rng.integers(4)) if k % 3 == 0 else seed))
         ids = {region.id for region in snapshot.regions}
-        came = {e.id for e in snapshot.events if e.kind in ("birth", "split")}
+        came = {e.id for e in snapshot.events if e.kind in ("birth", "split", "return")}
         went = {e.id for e in snapshot.events if e.kind in ("merge", "end")}
         assert len(came) + len(went) == len(snapshot.events)
         if k > 0:

@@ -151,6 +151,7 @@ private:
         out["region_ids"] = to_array(regions.id);
         out["region_parents"] = to_array(regions.parent);
         out["region_is_news"] = to_array(regions.is_news);
+        out["region_is_back"] = to_array(regions.is_back);
         std::vector<std::int64_t> gone, became;
         for (const rbdn::GoneRegion& region : regions.gone) {
             gone.push_back(region.id);

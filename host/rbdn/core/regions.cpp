@@ -15,6 +15,7 @@ constexpr double kStripFar = 4.5;
 constexpr int kFewSamples = 6;
 constexpr double kForeign = 0.75;  // of the way from a face's own mean to its neighbour's
 constexpr int kSampleStep = 4;  // px between the pixels at which the last frame is remembered
+constexpr double kSameAsBefore = 1.0;  // of the distance within a face, for one that comes back
 constexpr float kExtraLightness = 1.5F;  // steps discount lightness less than merging does
 constexpr double kPartingJump = 1.5;  // of a sharp one; faces of one region part only above it
 
@@ -144,6 +145,8 @@ RegionSet RegionGrouping::update(Mesh& mesh, const Image& image, const std::vect
     set.of_face = group_faces(mesh, image, labels, jumps, rule);
     name_groups(mesh, image, labels, rule, set);
     set.gone = find_gone(mesh, image, labels, rule, set);
+    remember_gone(mesh, set);
+    ++frame_;
     return set;
 }
 
@@ -235,12 +238,42 @@ void RegionGrouping::name_groups(Mesh& mesh, const Image& image, const std::vect
         most[v.group] = v.pixels;
         set.parent[v.group] = v.region;
     }
-    for (std::size_t g = 0; g < count; ++g) {
-        if (set.id[g] >= 0) continue;
-        set.is_news[g] = 2 * news[g] > all[g];
-        set.id[g] = next_id_++;
+    set.is_back.assign(count, 0);
+    if (std::find(set.id.begin(), set.id.end(), kNoRegion) != set.id.end()) {
+        const std::vector<Sight> sights = look_at_groups(mesh, image, labels, set);
+        for (std::size_t g = 0; g < count; ++g) {
+            if (set.id[g] >= 0) continue;
+            const std::int64_t known = absent_.recognise(sights[g], kSameAsBefore * rule.same_colour, frame_);
+            set.is_back[g] = known != kNoRegion;
+            set.is_news[g] = set.is_back[g] || 2 * news[g] > all[g];
+            set.id[g] = set.is_back[g] ? known : next_id_++;
+        }
     }
     for (std::size_t f = 0; f < mesh.faces.size(); ++f) mesh.faces[f].region = set.id[set.of_face[f]];
+}
+
+std::vector<Sight> RegionGrouping::look_at_groups(const Mesh& mesh, const Image& image, const std::vector<int>& labels,
+                                                  const RegionSet& set) const {
+    std::vector<Sight> sights(set.id.size());
+    for (int y = 0; y < mesh.height; y += kSampleStep)
+        for (int x = 0; x < mesh.width; x += kSampleStep) {
+            const int group = set.of_face[labels[static_cast<std::size_t>(y) * mesh.width + x]];
+            if (set.id[group] < 0) sights[group].add(image.colour_of(image.row(y) + 3 * x), x, y);
+        }
+    return sights;
+}
+
+void RegionGrouping::remember_gone(const Mesh& mesh, const RegionSet& set) {
+    absent_.forget_old(frame_);
+    if (set.gone.empty()) return;
+    std::map<std::int64_t, Sight> last;
+    for (const GoneRegion& region : set.gone) last[region.id];
+    for_each_sample(mesh, [&](int x, int y, const Known& face) {
+        const auto gone = last.find(face.region);
+        if (gone != last.end()) gone->second.add(face.mean, x, y);
+    });
+    for (const auto& [id, sight] : last)
+        if (sight.sum.count > 0) absent_.remember(id, sight, frame_);
 }
 
 std::vector<GoneRegion> RegionGrouping::find_gone(const Mesh& mesh, const Image& image,

@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "absent.hpp"
 #include "image.hpp"
 #include "mesh.hpp"
 
@@ -35,6 +36,7 @@ struct RegionSet {
     std::vector<std::int64_t> id;       // by region index
     std::vector<std::int64_t> parent;   // region a new one came out of, or kNoRegion
     std::vector<std::uint8_t> is_news;  // a new one shows what the last frame did not
+    std::vector<std::uint8_t> is_back;  // one that was gone is seen again
     std::vector<GoneRegion> gone;       // by id
 };
 
@@ -64,6 +66,9 @@ private:
     void for_each_sample(const Mesh& mesh, Visit visit) const;
     void name_groups(Mesh& mesh, const Image& image, const std::vector<int>& labels, const RegionRule& rule,
                      RegionSet& set);
+    std::vector<Sight> look_at_groups(const Mesh& mesh, const Image& image, const std::vector<int>& labels,
+                                      const RegionSet& set) const;
+    void remember_gone(const Mesh& mesh, const RegionSet& set);
     std::vector<GoneRegion> find_gone(const Mesh& mesh, const Image& image, const std::vector<int>& labels,
                                       const RegionRule& rule, const RegionSet& set) const;
     std::int64_t what_became_of(std::int64_t region, const Mesh& mesh, const Image& image,
@@ -71,6 +76,8 @@ private:
 
     std::set<std::pair<std::int64_t, std::int64_t>> links_;  // pairs of face ids joined in the last frame
     std::int64_t next_id_ = 0;
+    AbsentRegions absent_;
+    int frame_ = 0;
     std::vector<Known> known_;       // faces of the last frame
     std::vector<int> expected_face_;  // index into known_, at every kSampleStep-th pixel both ways
 };
