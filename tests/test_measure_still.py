@@ -74,6 +74,21 @@ def test_the_picture_shows_the_regions_in_their_colours(still: Path, tmp_path: P
     assert np.abs(tints[0] - tints[1]).max() > 15
 
 
+def test_a_large_photograph_is_shrunk_but_told_in_its_own_pixels(still: Path, tmp_path: Path, monkeypatch):
+    large = cv2.resize(cv2.imread(str(still)), None, fx=20, fy=20, interpolation=cv2.INTER_NEAREST)
+    assert cv2.imwrite(str(tmp_path / "large.png"), large)
+    assert command(monkeypatch, "--still", tmp_path / "large.png", "--out", tmp_path) == 0
+    assert cv2.imread(str(tmp_path / "large_net.png")).shape[1] == 1280
+    result = json.loads((tmp_path / "large_net.json").read_text())
+    assert (result["width"], result["height"], result["shrink"]) == (3200, 2400, 2.5)
+    square = min(result["regions"], key=lambda region: region["area_px"])
+    assert square["area_px"] == pytest.approx(1200 * 1200, rel=0.01)
+    corners = np.array(square["loops"][0])
+    assert [*corners.min(axis=0), *corners.max(axis=0)] == pytest.approx(
+        [999.5, 599.5, 2199.5, 1799.5], abs=8
+    )
+
+
 def test_results_go_to_runs_unless_told_otherwise(still: Path, tmp_path: Path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert command(monkeypatch, "--still", still.name) == 0

@@ -9,7 +9,7 @@ import numpy as np
 from host.depth.report import DepthReport, RegionDepth, VertexDepths
 from host.rbdn.snapshot import Contour, Region, Snapshot, Vertices
 from host.view.floor_picture import GOAL, LEGEND_PX, OCCUPIED, PATH, Floor, FloorObstacle, draw_floor
-from host.view.net_picture import draw_net
+from host.view.net_picture import draw_net, draw_regions
 from host.view.palette import depth_text, region_colour
 
 SQUARE = np.array([[100.0, 80], [220, 80], [220, 160], [100, 160]])
@@ -56,6 +56,19 @@ def test_a_small_frame_is_enlarged_and_the_given_image_left_alone():
     assert picture.shape[1] == 960
     assert picture.dtype == np.uint8
     assert np.array_equal(image, GREY)
+
+
+def test_a_still_shows_every_region_in_its_colour_and_names_the_larger_ones():
+    small = np.array([[5.0, 5], [15, 5], [15, 15], [5, 15]])
+    picture = draw_regions(GREY, snapshot(SQUARE, small), "still")
+    for loop, region in ((SQUARE, 1), (small, 2)):
+        x, y = (3 * loop[0]).astype(int) + 9
+        tint = picture[y, x].astype(float) - 120
+        towards = np.array(region_colour(region)) - 120.0
+        assert tint @ towards > 0.95 * np.linalg.norm(tint) * np.linalg.norm(towards) > 0
+    letters = close_to(picture[:720], (240, 238, 235))
+    inside = letters[250:475, 310:655].sum()
+    assert inside > 10 and letters[20:45, 20:45].sum() == 0
 
 
 def test_outlines_lie_where_the_net_says_to_the_pixel():
