@@ -52,7 +52,7 @@ BlobList find_blobs(const PixelSet& set) {
 class FarSearch {
 public:
     FarSearch(const Mesh& mesh, const Crossings& crossings, const Image& image, double gate)
-        : mesh_(mesh), crossings_(crossings), image_(image), gate2_(static_cast<float>(gate * gate)),
+        : mesh_(mesh), crossings_(crossings), image_(image), gate2_(static_cast<int>(gate * gate)),
           row_step_(std::max(kCoarse, image.row_step())), column_step_(std::max(kCoarse, image.column_step())),
           far_(mesh.width, mesh.height) {}
 
@@ -76,13 +76,10 @@ private:
         places.clear();
         const auto line = crossings_.rows().line(y);
         for (std::size_t n = 0; n + 1 < line.size(); ++n) {
-            const Colour mean = mesh_.faces[line[n].after].mean;
+            const ShortColour mean = to_short(mesh_.faces[line[n].after].mean);
             const int first = (line[n].pixel + column_step_ - 1) / column_step_ * column_step_;
-            for (int x = first; x < line[n + 1].pixel; x += column_step_) {
-                const ShortColour c = image_.lattice_colour(x, y);
-                const Colour colour{static_cast<float>(c[0]), static_cast<float>(c[1]), static_cast<float>(c[2])};
-                if (distance2(colour, mean) > gate2_) places.push_back(x);
-            }
+            for (int x = first; x < line[n + 1].pixel; x += column_step_)
+                if (distance2(image_.lattice_colour(x, y), mean) > gate2_) places.push_back(x);
         }
     }
 
@@ -90,13 +87,16 @@ private:
         const auto line = crossings_.rows().line(y);
         const std::uint8_t* row = image_.row(y);
         std::size_t n = 0;
+        ShortColour mean{};
+        std::size_t mean_of = line.size();
         int next = 0;  // the first pixel not looked at yet
         for (int place : places)
             for (int x = std::max(next, place - column_step_ + 1);
                  x <= std::min(place + column_step_ - 1, mesh_.width - 1); ++x) {
                 next = x + 1;
                 while (line[n + 1].pixel <= x) ++n;
-                if (distance2(image_.colour_of(row + 3 * x), mesh_.faces[line[n].after].mean) > gate2_)
+                if (n != mean_of) mean = to_short(mesh_.faces[line[mean_of = n].after].mean);
+                if (distance2(image_.short_colour_of(row + 3 * x), mean) > gate2_)
                     far_.add(y * mesh_.width + x);
             }
     }
@@ -104,7 +104,7 @@ private:
     const Mesh& mesh_;
     const Crossings& crossings_;
     const Image& image_;
-    float gate2_;
+    int gate2_;
     int row_step_;
     int column_step_;
     PixelSet far_;

@@ -35,6 +35,12 @@ Colour ColourSum::mean() const {
     return out;
 }
 
+ShortColour to_short(const Colour& c) {
+    ShortColour out{};
+    for (int k = 0; k < 3; ++k) out[k] = static_cast<std::int16_t>(std::lround(c[k]));
+    return out;
+}
+
 ColourTables::ColourTables(const Config& config) {
     for (auto& curve : curve_) curve.resize(1 << kCurveBits);
     if (config.mode == Mode::kPaper)

@@ -43,6 +43,14 @@ inline float distance2(const Colour& a, const Colour& b) {
     return x * x + y * y + z * z;
 }
 
+inline int distance2(const ShortColour& a, const ShortColour& b) {
+    const int x = a[0] - b[0], y = a[1] - b[1], z = a[2] - b[2];
+    return x * x + y * y + z * z;
+}
+
+// To whole units.
+ShortColour to_short(const Colour& c);
+
 // From the camera's blue, green and red to CIELAB with discounted lightness, or to themselves in the paper's mode,
 // by tables alone: the same whole numbers on every machine.
 class ColourTables {

@@ -12,6 +12,7 @@ namespace {
 
 constexpr double kStripNear = 2.5;  // px from the edge, past its blur
 constexpr double kStripFar = 4.5;
+constexpr double kStripSpacing = 1.5;
 constexpr int kFewSamples = 6;
 constexpr double kForeign = 0.75;  // of the way from a face's own mean to its neighbour's
 constexpr int kSampleStep = 4;  // px between the pixels at which the last frame is remembered
@@ -76,7 +77,7 @@ std::map<FacePair, Step> measure_steps(const Mesh& mesh, const Image& image, con
             strip.add(image.colour_of(image.row(y) + 3 * x));
         };
         Strip left, right;
-        for (double s = 0.5; s < size; s += 1.0) {
+        for (double s = 0.5; s < size; s += kStripSpacing) {
             const Vec2 on_edge = a + s * unit;
             for (double d = kStripNear; d <= kStripFar; d += 1.0) {
                 sample(on_edge + d * normal, e.left, left);
@@ -211,10 +212,18 @@ void RegionGrouping::name_groups(Mesh& mesh, const Image& image, const std::vect
         face.is_news = false;
     }
     const int sample_weight = std::max(1, kSampleStep * kSampleStep / (image.row_step() * image.column_step()));
+    // Neighbouring samples mostly vote alike.
+    std::tuple<bool, int, std::int64_t> last_key;
+    std::int64_t* last_votes = nullptr;
     for_each_sample(mesh, [&](int x, int y, const Known& expected) {
         if (expected.region < 0 || distance2(image.colour_of(image.row(y) + 3 * x), expected.mean) > same2) return;
         const int owner = labels[static_cast<std::size_t>(y) * mesh.width + x];
-        tally[{false, set.of_face[owner], expected.region}] += sample_weight;
+        const std::tuple key{false, set.of_face[owner], expected.region};
+        if (last_votes == nullptr || key != last_key) {
+            last_key = key;
+            last_votes = &tally[key];
+        }
+        *last_votes += sample_weight;
     });
     std::vector<Vote> votes;
     for (const auto& [key, pixels] : tally)
