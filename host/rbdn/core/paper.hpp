@@ -1,12 +1,18 @@
 // The paper's own rules to the letter, so that every experiment can show them beside ours.
 //
-// What differs from the paper, because it leaves it open or because the net would tear:
+// What differs from the paper, because the net would tear otherwise:
 // - moves are taken back where they would fold the net, and changes of its shape where they would tear it;
 // - vertices on the image border slide along it, those inside stay inside;
-// - faces that fell apart become separate ones, since a polygon is one piece;
+// - faces that fell apart become separate ones, since a polygon is one piece.
+// What it leaves open, and how it is read here:
 // - forces push along the normal of their edge, and each half of an edge acts on the vertex at its end;
 // - thorns are closed at vertices of any degree, which at two edges is the paper's deletion;
-// - merging goes from the nearest colours on, and the cycle also stops when the disparity falls no further.
+// - merging goes from the nearest colours on;
+// - the cycle also stops when the disparity falls no further, or after the cycles that the configuration allows;
+// - a region is fragmented where more than one pixel in twenty, and more than make a polygon, are beyond eta, once
+//   a frame; its squares are a net begun anew there, and the largest polygon they merge to keeps the region's id.
+// It has none of what ours adds: no thin polygons merged, no contacts snapped, no refreshing, no grouping of polygons,
+// no colours but RGB, no means kept over the first cycle. Displacements known in advance are used where given.
 #pragma once
 
 #include <vector>
