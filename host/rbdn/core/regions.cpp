@@ -16,7 +16,7 @@ constexpr double kStripSpacing = 1.5;
 constexpr int kFewSamples = 6;
 constexpr double kForeign = 0.75;  // of the way from a face's own mean to its neighbour's
 constexpr int kSampleStep = 4;  // px between the pixels at which the last frame is remembered
-constexpr double kSameAsBefore = 1.0;  // of the distance within a face, for one that comes back
+constexpr double kSameAsBefore = 1.25;  // of the distance within a face: at first little is seen but its blurred rim
 constexpr float kExtraLightness = 1.5F;  // steps discount lightness less than merging does
 constexpr double kPartingJump = 1.5;  // of a sharp one; faces of one region part only above it
 
