@@ -264,6 +264,7 @@ std::string run(const std::vector<int>& program, int scale) {
     config.mode = byte(2) / 4 % 4 == 0 ? rbdn::Mode::kPaper : rbdn::Mode::kOurs;
     config.square_px = 4 + byte(2) / 16 % 4 * 4;
     config.min_area_px = byte(2) / 64 % 2 ? 200.0 : 20.0;
+    config.max_polygons = byte(2) / 128 ? 12 : 0;
     Scene scene(static_cast<unsigned>(byte(0) + 256 * byte(1)), width, height);
     rbdn::Tracker tracker(config);
     rbdn::Steps steps(tracker);
