@@ -15,6 +15,7 @@ namespace {
 constexpr double kShortEdge = 3.0;
 constexpr double kFlatHeight = 0.7;   // of a vertex over the line through its neighbours
 constexpr double kThornAngle = 25.0 * std::numbers::pi / 180.0;
+constexpr double kThornWidth = 6.0;   // px; a wider wedge is the tip of something
 constexpr double kTouch = 0.8;        // distance at which a vertex and an edge are in contact
 constexpr double kNearEnd = 1.2;      // contacts this near to an edge's end go to the end
 constexpr double kBadFit = 0.8;       // delta of the paper, as mean disparity in px
@@ -97,7 +98,7 @@ bool zip_wedge(Mesh& mesh, int v, int e1, int e2, int face, const NearVertices& 
     if (dot(to_a, to_b) <= 0) return false;
     const double angle = angle_between(to_a, to_b);
     const double apart = std::abs(cross(to_a, to_b)) / length(to_b);
-    if (!(angle < kThornAngle || (apart < 1.0 && std::sin(angle) < 0.8))) return false;
+    if (!((angle < kThornAngle && apart < kThornWidth) || (apart < 1.0 && std::sin(angle) < 0.8))) return false;
     if (mesh.degree(a) >= kMaxDegree || are_joined(mesh, a, b) || !near.triangle_is_empty(v, a, b)) return false;
 
     // The wedge's face gives up the strip to the face beyond the longer edge.
