@@ -41,6 +41,8 @@ double now_ms() {
     return std::chrono::duration<double, std::milli>(t).count();
 }
 
+constexpr int kMeanRows = 4;  // mean colours are taken over every so many rows
+
 class NetCore {
 public:
     explicit NetCore(const rbdn::Config& config) : tracker_(config) {}
@@ -64,13 +66,13 @@ public:
         const rbdn::Mesh mesh = rbdn::with_whole_corners(tracker_.mesh());
         const rbdn::RegionSet& regions = tracker_.regions();
         const int count = static_cast<int>(regions.id.size());
-        linear_.load(bgr.data(), static_cast<int>(bgr.shape(1)), static_cast<int>(bgr.shape(0)));
+        const std::vector<rbdn::Bgr> means = mean_colours(regions, count, bgr);
         const rbdn::Refinement fine =
-            rbdn::refine(mesh, linear_, tracker_.labels(), regions.of_face, count);
+            refiner_.refine({mesh, bgr.data(), tracker_.labels(), regions.of_face, means});
         const double end = now_ms();
 
         nb::dict out;
-        put_regions(out, mesh, regions, count, bgr);
+        put_regions(out, mesh, regions, means);
         put_loops(out, mesh, regions);
         put_vertices(out, mesh, fine);
         put_outline(out, fine);
@@ -125,29 +127,41 @@ public:
     std::vector<int> faults() const { return tracker_.faults(); }
 
 private:
-    void put_regions(nb::dict& out, const rbdn::Mesh& mesh, const rbdn::RegionSet& regions, int count,
-                     const ByteImage& bgr) const {
-        std::vector<char> at_border(count, 0);
+    std::vector<rbdn::Bgr> mean_colours(const rbdn::RegionSet& regions, int count, const ByteImage& bgr) const {
+        std::vector<std::array<std::int64_t, 4>> sums(count, {0, 0, 0, 0});
+        const std::vector<int>& labels = tracker_.labels();
+        const std::size_t width = bgr.shape(1);
+        for (std::size_t row = 0; row < bgr.shape(0); row += kMeanRows) {
+            for (std::size_t k = row * width; k < (row + 1) * width;) {
+                // Run by run, which is many times as fast as looking the region up at every pixel.
+                const int face = labels[k];
+                const std::size_t start = k;
+                std::int64_t sum[3] = {0, 0, 0};
+                for (; k < (row + 1) * width && labels[k] == face; ++k)
+                    for (int c = 0; c < 3; ++c) sum[c] += bgr.data()[3 * k + c];
+                std::array<std::int64_t, 4>& total = sums[regions.of_face[face]];
+                for (int c = 0; c < 3; ++c) total[c] += sum[c];
+                total[3] += static_cast<std::int64_t>(k - start);
+            }
+        }
+        std::vector<rbdn::Bgr> means(count);
+        for (int r = 0; r < count; ++r)
+            for (int c = 0; c < 3; ++c)
+                means[r][c] = static_cast<float>(static_cast<double>(sums[r][c]) /
+                                                 static_cast<double>(std::max<std::int64_t>(sums[r][3], 1)));
+        return means;
+    }
+
+    void put_regions(nb::dict& out, const rbdn::Mesh& mesh, const rbdn::RegionSet& regions,
+                     const std::vector<rbdn::Bgr>& means) const {
+        std::vector<char> at_border(means.size(), 0);
         for (const rbdn::Edge& e : mesh.edges) {
             if (!e.on_border()) continue;
             const int face = e.left >= 0 ? e.left : e.right;
             if (face >= 0) at_border[regions.of_face[face]] = 1;
         }
-        std::vector<double> rgb(3 * static_cast<std::size_t>(count), 0.0), pixels(count, 0.0);
-        const std::vector<int>& labels = tracker_.labels();
-        for (std::size_t k = 0; k < labels.size();) {
-            // Run by run, which is many times as fast as looking the region up at every pixel.
-            const int face = labels[k];
-            const std::size_t start = k;
-            std::int64_t sum[3] = {0, 0, 0};
-            for (; k < labels.size() && labels[k] == face; ++k)
-                for (int c = 0; c < 3; ++c) sum[c] += bgr.data()[3 * k + 2 - c];
-            const int r = regions.of_face[face];
-            for (int c = 0; c < 3; ++c) rgb[3 * r + c] += static_cast<double>(sum[c]);
-            pixels[r] += static_cast<double>(k - start);
-        }
-        for (int r = 0; r < count; ++r)
-            for (int c = 0; c < 3; ++c) rgb[3 * r + c] /= std::max(pixels[r], 1.0);
+        std::vector<double> rgb;
+        for (const rbdn::Bgr& bgr : means) rgb.insert(rgb.end(), {bgr[2], bgr[1], bgr[0]});
         out["region_ids"] = to_array(regions.id);
         out["region_parents"] = to_array(regions.parent);
         out["region_is_news"] = to_array(regions.is_news);
@@ -160,7 +174,7 @@ private:
         out["gone_ids"] = to_array(gone);
         out["gone_became"] = to_array(became);
         out["touches_border"] = to_array(std::vector<std::uint8_t>(at_border.begin(), at_border.end()));
-        out["mean_rgb"] = to_array(rgb, {static_cast<std::size_t>(count), 3});
+        out["mean_rgb"] = to_array(rgb, {means.size(), 3});
     }
 
     // Loops as runs of vertex indices; an outer loop is followed by its holes.
@@ -218,7 +232,7 @@ private:
     }
 
     rbdn::Tracker tracker_;
-    rbdn::LinearImage linear_;
+    rbdn::Refiner refiner_;
 };
 
 nb::object working_colours(const rbdn::Config& config, const ByteImage& bgr) {

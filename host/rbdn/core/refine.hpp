@@ -1,32 +1,17 @@
 // Sub-pixel outlines: where the blurred step between two regions really lies, without touching the net.
+//
+// All profiles of an edge are fitted together with a straight or, where the outline bends, a parabolic course; the
+// blur is one unknown for the whole frame. From the course, one linear step gives every profile its own place:
+// being linear, it is not biased by noise, and together the places make the soft area of any shape.
 #pragma once
 
-#include <array>
-#include <cstdint>
 #include <vector>
 
-#include "loops.hpp"
 #include "mesh.hpp"
+#include "profiles.hpp"
+#include "step.hpp"
 
 namespace rbdn {
-
-// An image in linear light, where a pixel on an edge is the true mixture of its two sides.
-class LinearImage {
-public:
-    LinearImage();
-
-    // `bgr` is (height, width, 3), sRGB; it is not copied and must outlive the use of the image.
-    void load(const std::uint8_t* bgr, int width, int height);
-
-    // Red, green, blue; bilinear. p must lie at least half a pixel inside the image.
-    std::array<float, 3> at(Vec2 p) const;
-
-private:
-    const std::uint8_t* bgr_ = nullptr;
-    int width_ = 0;
-    int height_ = 0;
-    std::array<float, 256> linear_{};
-};
 
 // One measured point of an outline.
 struct OutlinePoint {
@@ -40,14 +25,89 @@ struct OutlinePoint {
 
 struct Refinement {
     std::vector<OutlinePoint> outline;
-    std::vector<Vec2> vertices;         // refined positions, by vertex of the mesh
-    std::vector<double> vertex_sigma;   // px; NaN where the edges do not make a corner
-    std::vector<double> area;           // by region
+    std::vector<Vec2> vertices;        // refined positions, by vertex of the mesh
+    std::vector<double> vertex_sigma;  // px; NaN where the edges do not make a corner
+    std::vector<double> area;          // by region
     std::vector<double> area_sigma;
 };
 
-// Measures every edge between two regions. `region_of` gives each face's region, `labels` each pixel's face.
-Refinement refine(const Mesh& mesh, const LinearImage& image, const std::vector<int>& labels,
-                  const std::vector<int>& region_of, int region_count);
+// Whether the images mix light on their edges, as cameras do, or numbers, as drawing and resizing do. Taken for
+// light until all edges agree, to within their noise, that numbers mix, and the noise is not a camera's.
+class MixingEvidence {
+public:
+    // An edge's colours left the straight way by this share of what mixed light would.
+    void add(double aside, double variance);
+    // Errors, in grey levels, of two neighbouring pixels that see one side only.
+    void add_neighbours(double a, double b);
+    void fade();
+    bool numbers_mix() const;
+
+private:
+    double count_ = 0, against_numbers_ = 0, against_light_ = 0;
+    double noise_ = 0, common_ = 0, pairs_ = 0;
+};
+
+class Refiner {
+public:
+    // Measures every edge between two regions.
+    Refinement refine(const Sight& sight);
+
+private:
+    // Offset of the outline from an edge towards the left, as a function of the way along it from its middle.
+    struct Course {
+        double c0 = 0, c1 = 0, c2 = 0;
+        double at(double t) const { return c0 + t * (c1 + t * c2); }
+    };
+    struct EdgeFit {
+        int edge = 0;
+        int left = 0, right = 0;  // regions
+        Vec2 unit, normal;
+        double size = 0;
+        int begin = 0, end = 0;        // its profiles
+        Bgr high{}, low{};             // colours of the left and the right side
+        float contrast2 = 0;
+        Bgr weights{};                 // project colours above `low` onto the way to `high`
+        double side_share = 0;         // variance of the sides' levels over that of a pixel's
+        bool measured = false;
+        double clear_a = 0, clear_b = 0;  // length at the ends where profiles see another edge
+        bool bent = false;             // takes a parabolic course
+        Course course, line;
+        double gate = 0;               // px beyond which a profile is left out
+        // Of the profiles that made the line: weight, centre and second moment along the edge.
+        double weight = 0, centre = 0, spread = 0;
+        double noise = 0;              // variance of levels, with what the course leaves unexplained
+        double level_noise = 0;
+    };
+
+    void sample(EdgeFit& fit);
+    void start(EdgeFit& fit, const MixCurve& curve);
+    void weigh_mixing();
+    void compare(EdgeFit& fit, const MixCurve& curve);
+    void fit_course(EdgeFit& fit);
+    bool is_clear(const EdgeFit& fit, const Profile& p) const {
+        return p.usable && p.crossing > fit.clear_a - 0.5 * fit.size && p.crossing < 0.5 * fit.size - fit.clear_b;
+    }
+    void meet();
+    void judge_bends();
+    void place_vertices(Refinement& out);
+    void measure_areas(Refinement& out);
+    double end_variance(const EdgeFit& fit, double t) const;
+    double side_error(const EdgeFit& fit) const;
+
+    const Sight* sight_ = nullptr;
+    std::vector<EdgeFit> fits_;
+    std::vector<int> fit_of_edge_;
+    std::vector<Profile> profiles_;
+    std::vector<float> levels_;
+    std::vector<float> offsets_;
+    std::vector<Vec2> on_outline_;
+    std::vector<MixCurve> curves_;
+    std::vector<char> smooth_;   // by vertex: two outlines that go on into each other
+    std::vector<char> doubtful_; // may be a corner or an arc
+    MixingEvidence mixing_;      // of all frames
+    double width_ = 0.75;        // of the blur, lens and pixel together, px
+    bool width_is_known_ = false;
+    double width_pull_ = 0, width_weight_ = 0;
+};
 
 }  // namespace rbdn

@@ -1,0 +1,151 @@
+// The image along the rows or columns that cross an edge: what sub-pixel measurement looks at.
+#include "profiles.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace rbdn {
+
+namespace {
+
+constexpr double kSideFrom = 2.7;   // distances at which a side shows its own colour, px
+constexpr double kSideNear = 6.5;   // and to which it counts as near by
+constexpr double kSideTo = 12.0;
+constexpr double kTwilight = 2.0;   // before an edge, where its blur begins
+constexpr double kUncertain = 2.0;  // within which a pixel may lie on the wrong side of the net
+constexpr double kLeastBand = 1.0;
+
+// One line of pixels through the image.
+struct Line {
+    const std::uint8_t* bgr;  // pixel 0
+    const int* labels;
+    int pixel_stride;   // bytes
+    int label_stride;
+    int count;
+};
+
+class Taker {
+public:
+    Taker(const Sight& sight, const Edge& edge, std::vector<Profile>& profiles, SideColours& left, SideColours& right)
+        : sight_(sight), edge_(edge), profiles_(profiles), left_(left), right_(right) {}
+
+    void take(double clear_a, double clear_b) {
+        const Mesh& mesh = sight_.mesh;
+        const Vec2 along = mesh.along(edge_);
+        const double size = length(along);
+        if (size < 1e-6) return;
+        const Vec2 a = mesh.vertices[edge_.a].p, b = mesh.vertices[edge_.b].p;
+        const Vec2 unit = (1.0 / size) * along;
+        const Vec2 normal = left_normal(along);
+        const bool rows = std::abs(unit.y) >= std::abs(unit.x);
+        // Across: from line to line; inside: from pixel to pixel of a line.
+        const double across_a = rows ? a.y : a.x, across_b = rows ? b.y : b.x;
+        const double inside_a = rows ? a.x : a.y;
+        const double across_unit = rows ? unit.y : unit.x, inside_unit = rows ? unit.x : unit.y;
+        normal_ = rows ? normal.x : normal.y;
+        inside_unit_ = inside_unit;
+        length_ = 1.0 / std::abs(across_unit);
+        const int first = std::max(0, ceil_px(std::min(across_a, across_b) - 0.5));
+        const int last = std::min(rows ? mesh.height : mesh.width, ceil_px(std::max(across_a, across_b) - 0.5)) - 1;
+        const bool upwards = across_unit > 0;
+        for (int k = 0; k <= last - first; ++k) {
+            const int line = upwards ? first + k : last - k;
+            const double s = (line + 0.5 - across_a) / across_unit;
+            const bool clear = s > clear_a && s < size - clear_b;
+            take_line(line_through(line, rows), inside_a + s * inside_unit, s - 0.5 * size, clear);
+        }
+    }
+
+private:
+    Line line_through(int line, bool rows) const {
+        const int width = sight_.mesh.width;
+        const std::size_t start = rows ? static_cast<std::size_t>(line) * width : line;
+        return {sight_.bgr + 3 * start, sight_.labels.data() + start, rows ? 3 : 3 * width, rows ? 1 : width,
+                rows ? width : sight_.mesh.height};
+    }
+
+    // Pixels from the crossing to the first one that is not the side's own.
+    int run(const Line& line, int begin, int step, double at, int own, int other) const {
+        int k = begin;
+        for (; k >= 0 && k < line.count; k += step) {
+            const double distance = std::abs((k + 0.5 - at) * normal_);
+            if (distance > kSideTo) break;
+            const int here = sight_.region_of[line.labels[static_cast<std::ptrdiff_t>(k) * line.label_stride]];
+            if (here != own && !(here == other && distance < kUncertain)) break;
+        }
+        return (k - begin) * step;
+    }
+
+    // How far from the edge pixels see nothing else, for a side of this many pixels.
+    double clear_reach(int run_px, bool at_image_end) const {
+        const double width = run_px * std::abs(normal_);
+        if (width >= kSideTo - 1.0 || at_image_end) return width;
+        return std::max(width - kTwilight, 0.5 * width);
+    }
+
+    void take_line(const Line& line, double at, double along, bool clear) {
+        const int beyond = ceil_px(at - 0.5);  // first pixel on the side of larger coordinates
+        const bool left_is_beyond = normal_ > 0;
+        const int region_left = sight_.region(edge_.left), region_right = sight_.region(edge_.right);
+        const int own_beyond = left_is_beyond ? region_left : region_right;
+        const int own_before = left_is_beyond ? region_right : region_left;
+        const int run_beyond = run(line, beyond, 1, at, own_beyond, own_before);
+        const int run_before = run(line, beyond - 1, -1, at, own_before, own_beyond);
+        const double reach_beyond = clear_reach(run_beyond, beyond + run_beyond >= line.count);
+        const double reach_before = clear_reach(run_before, beyond - run_before <= 0);
+        if (clear) {
+            add_side(line, beyond, 1, at, run_beyond, reach_beyond, left_is_beyond ? left_ : right_);
+            add_side(line, beyond - 1, -1, at, run_before, reach_before, left_is_beyond ? right_ : left_);
+        }
+        if (reach_beyond < kLeastBand || reach_before < kLeastBand) return;
+
+        const double scale = 1.0 / std::abs(normal_);
+        const int begin = std::max(beyond - run_before,
+                                   ceil_px(at - scale * std::min<double>(reach_before, kBand) - 0.5));
+        const int end = std::min(beyond + run_beyond,
+                                 floor_px(at + scale * std::min<double>(reach_beyond, kBand) - 0.5) + 1);
+        if (end - begin < 3) return;
+        Profile profile;
+        profile.first = line.bgr + static_cast<std::ptrdiff_t>(begin) * line.pixel_stride;
+        profile.stride = line.pixel_stride;
+        profile.count = end - begin;
+        profile.distance = static_cast<float>((begin + 0.5 - at) * normal_);
+        profile.distance_step = static_cast<float>(normal_);
+        profile.along = static_cast<float>(along + (begin + 0.5 - at) * inside_unit_);
+        profile.along_step = static_cast<float>(inside_unit_);
+        profile.crossing = static_cast<float>(along);
+        profile.length = static_cast<float>(length_);
+        profiles_.push_back(profile);
+    }
+
+    void add_side(const Line& line, int begin, int step, double at, int run_px, double reach, SideColours& side) const {
+        const double scale = 1.0 / std::abs(normal_);
+        const double from = at + step * scale * kSideFrom, to = at + step * scale * reach;
+        int first = step > 0 ? ceil_px(from - 0.5) : floor_px(from - 0.5);
+        int last = step > 0 ? floor_px(to - 0.5) : ceil_px(to - 0.5);
+        if ((begin + (run_px - 1) * step - last) * step < 0) last = begin + (run_px - 1) * step;
+        if ((first - begin) * step < 0) first = begin;
+        const std::uint8_t* pixel = line.bgr + static_cast<std::ptrdiff_t>(first) * line.pixel_stride;
+        const double near = at + step * scale * kSideNear - 0.5;
+        for (int k = first; (last - k) * step >= 0; k += step, pixel += step * line.pixel_stride)
+            ((k - near) * step < 0 ? side.near : side.far).add(pixel);
+    }
+
+    const Sight& sight_;
+    const Edge& edge_;
+    std::vector<Profile>& profiles_;
+    SideColours& left_;
+    SideColours& right_;
+    double normal_ = 0;       // distance from the edge gained from pixel to pixel
+    double inside_unit_ = 0;  // way along the edge gained from pixel to pixel
+    double length_ = 0;
+};
+
+}  // namespace
+
+void take_profiles(const Sight& sight, const Edge& edge, double clear_a, double clear_b,
+                   std::vector<Profile>& profiles, SideColours& left, SideColours& right) {
+    Taker(sight, edge, profiles, left, right).take(clear_a, clear_b);
+}
+
+}  // namespace rbdn
