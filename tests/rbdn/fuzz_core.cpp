@@ -14,7 +14,6 @@
 #include <string>
 #include <vector>
 
-#include "corners.hpp"
 #include "refine.hpp"
 #include "steps.hpp"
 
@@ -250,11 +249,9 @@ Fault fault_of(const rbdn::Tracker& tracker) {
 
 void refine(const rbdn::Tracker& tracker, const std::vector<std::uint8_t>& image) {
     const Mesh& mesh = tracker.mesh();
-    rbdn::LinearImage linear;
-    linear.load(image.data(), mesh.width, mesh.height);
     std::vector<int> itself(mesh.faces.size());
     for (std::size_t k = 0; k < itself.size(); ++k) itself[k] = static_cast<int>(k);
-    rbdn::refine(rbdn::with_whole_corners(mesh), linear, tracker.labels(), itself, static_cast<int>(itself.size()));
+    rbdn::Refiner().refine(mesh, image.data(), tracker.labels(), itself, static_cast<int>(itself.size()));
 }
 
 std::string run(const std::vector<int>& program, int scale) {

@@ -6,7 +6,6 @@
 #include <string>
 #include <vector>
 
-#include "corners.hpp"
 #include "refine.hpp"
 #include "tracker.hpp"
 
@@ -18,13 +17,11 @@ void put(const std::vector<T>& values) {
 }
 
 // In the order of test_determinism.py's RESULTS.
-void put_results(const rbdn::Tracker& tracker, const std::vector<std::uint8_t>& image) {
-    const rbdn::Mesh mesh = rbdn::with_whole_corners(tracker.mesh());
+void put_results(const rbdn::Tracker& tracker, rbdn::Refiner& refiner, const std::vector<std::uint8_t>& image) {
     const rbdn::RegionSet& regions = tracker.regions();
-    rbdn::LinearImage linear;
-    linear.load(image.data(), mesh.width, mesh.height);
-    const rbdn::Refinement fine = rbdn::refine(mesh, linear, tracker.labels(), regions.of_face,
-                                               static_cast<int>(regions.id.size()));
+    const rbdn::Refinement fine = refiner.refine(tracker.mesh(), image.data(), tracker.labels(), regions.of_face,
+                                                 static_cast<int>(regions.id.size()));
+    const rbdn::Mesh& mesh = fine.mesh;
     std::vector<std::int64_t> ids;
     std::vector<double> vertices, outline, sigmas;
     for (const rbdn::Vertex& v : mesh.vertices) ids.push_back(v.id);
@@ -50,9 +47,10 @@ int main(int argc, char** argv) {
     rbdn::Config config;
     config.mode = std::string(argv[3]) == "paper" ? rbdn::Mode::kPaper : rbdn::Mode::kOurs;
     rbdn::Tracker tracker(config);
+    rbdn::Refiner refiner;
     std::vector<std::uint8_t> image(static_cast<std::size_t>(3) * width * height);
     while (std::fread(image.data(), 1, image.size(), stdin) == image.size()) {
         tracker.track(image.data(), width, height, {});
-        put_results(tracker, image);
+        put_results(tracker, refiner, image);
     }
 }

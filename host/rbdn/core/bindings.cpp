@@ -7,7 +7,6 @@
 #include <cstring>
 #include <numeric>
 
-#include "corners.hpp"
 #include "loops.hpp"
 #include "refine.hpp"
 #include "steps.hpp"
@@ -41,8 +40,6 @@ double now_ms() {
     return std::chrono::duration<double, std::milli>(t).count();
 }
 
-constexpr int kMeanRows = 4;  // mean colours are taken over every so many rows
-
 class NetCore {
 public:
     explicit NetCore(const rbdn::Config& config) : tracker_(config) {}
@@ -63,16 +60,14 @@ public:
 
     nb::dict refine(const ByteImage& bgr) {
         const double begin = now_ms();
-        const rbdn::Mesh mesh = rbdn::with_whole_corners(tracker_.mesh());
         const rbdn::RegionSet& regions = tracker_.regions();
-        const int count = static_cast<int>(regions.id.size());
-        const std::vector<rbdn::Bgr> means = mean_colours(regions, count, bgr);
-        const rbdn::Refinement fine =
-            refiner_.refine({mesh, bgr.data(), tracker_.labels(), regions.of_face, means});
+        const rbdn::Refinement fine = refiner_.refine(tracker_.mesh(), bgr.data(), tracker_.labels(), regions.of_face,
+                                                      static_cast<int>(regions.id.size()));
+        const rbdn::Mesh& mesh = fine.mesh;
         const double end = now_ms();
 
         nb::dict out;
-        put_regions(out, mesh, regions, means);
+        put_regions(out, mesh, regions, fine.region_bgr);
         put_loops(out, mesh, regions);
         put_vertices(out, mesh, fine);
         put_outline(out, fine);
@@ -127,31 +122,6 @@ public:
     std::vector<int> faults() const { return tracker_.faults(); }
 
 private:
-    std::vector<rbdn::Bgr> mean_colours(const rbdn::RegionSet& regions, int count, const ByteImage& bgr) const {
-        std::vector<std::array<std::int64_t, 4>> sums(count, {0, 0, 0, 0});
-        const std::vector<int>& labels = tracker_.labels();
-        const std::size_t width = bgr.shape(1);
-        for (std::size_t row = 0; row < bgr.shape(0); row += kMeanRows) {
-            for (std::size_t k = row * width; k < (row + 1) * width;) {
-                // Run by run, which is many times as fast as looking the region up at every pixel.
-                const int face = labels[k];
-                const std::size_t start = k;
-                std::int64_t sum[3] = {0, 0, 0};
-                for (; k < (row + 1) * width && labels[k] == face; ++k)
-                    for (int c = 0; c < 3; ++c) sum[c] += bgr.data()[3 * k + c];
-                std::array<std::int64_t, 4>& total = sums[regions.of_face[face]];
-                for (int c = 0; c < 3; ++c) total[c] += sum[c];
-                total[3] += static_cast<std::int64_t>(k - start);
-            }
-        }
-        std::vector<rbdn::Bgr> means(count);
-        for (int r = 0; r < count; ++r)
-            for (int c = 0; c < 3; ++c)
-                means[r][c] = static_cast<float>(static_cast<double>(sums[r][c]) /
-                                                 static_cast<double>(std::max<std::int64_t>(sums[r][3], 1)));
-        return means;
-    }
-
     void put_regions(nb::dict& out, const rbdn::Mesh& mesh, const rbdn::RegionSet& regions,
                      const std::vector<rbdn::Bgr>& means) const {
         std::vector<char> at_border(means.size(), 0);

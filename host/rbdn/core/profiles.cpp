@@ -14,6 +14,7 @@ constexpr double kSideTo = 12.0;
 constexpr double kTwilight = 2.0;   // before an edge, where its blur begins
 constexpr double kUncertain = 2.0;  // within which a pixel may lie on the wrong side of the net
 constexpr double kLeastBand = 1.0;
+constexpr std::size_t kMeanRows = 4;  // regions' colours are taken from every so many rows
 
 // One line of pixels through the image.
 struct Line {
@@ -26,11 +27,11 @@ struct Line {
 
 class Taker {
 public:
-    Taker(const Sight& sight, const Edge& edge, std::vector<Profile>& profiles, SideColours& left, SideColours& right)
-        : sight_(sight), edge_(edge), profiles_(profiles), left_(left), right_(right) {}
+    Taker(const View& view, const Edge& edge, std::vector<Profile>& profiles, SideColours& left, SideColours& right)
+        : view_(view), edge_(edge), profiles_(profiles), left_(left), right_(right) {}
 
     void take(double clear_a, double clear_b) {
-        const Mesh& mesh = sight_.mesh;
+        const Mesh& mesh = view_.mesh;
         const Vec2 along = mesh.along(edge_);
         const double size = length(along);
         if (size < 1e-6) return;
@@ -58,10 +59,10 @@ public:
 
 private:
     Line line_through(int line, bool rows) const {
-        const int width = sight_.mesh.width;
+        const int width = view_.mesh.width;
         const std::size_t start = rows ? static_cast<std::size_t>(line) * width : line;
-        return {sight_.bgr + 3 * start, sight_.labels.data() + start, rows ? 3 : 3 * width, rows ? 1 : width,
-                rows ? width : sight_.mesh.height};
+        return {view_.bgr + 3 * start, view_.labels.data() + start, rows ? 3 : 3 * width, rows ? 1 : width,
+                rows ? width : view_.mesh.height};
     }
 
     // Pixels from the crossing to the first one that is not the side's own.
@@ -70,7 +71,7 @@ private:
         for (; k >= 0 && k < line.count; k += step) {
             const double distance = std::abs((k + 0.5 - at) * normal_);
             if (distance > kSideTo) break;
-            const int here = sight_.region_of[line.labels[static_cast<std::ptrdiff_t>(k) * line.label_stride]];
+            const int here = view_.region_of[line.labels[static_cast<std::ptrdiff_t>(k) * line.label_stride]];
             if (here != own && !(here == other && distance < kUncertain)) break;
         }
         return (k - begin) * step;
@@ -86,7 +87,7 @@ private:
     void take_line(const Line& line, double at, double along, bool clear) {
         const int beyond = ceil_px(at - 0.5);  // first pixel on the side of larger coordinates
         const bool left_is_beyond = normal_ > 0;
-        const int region_left = sight_.region(edge_.left), region_right = sight_.region(edge_.right);
+        const int region_left = view_.region(edge_.left), region_right = view_.region(edge_.right);
         const int own_beyond = left_is_beyond ? region_left : region_right;
         const int own_before = left_is_beyond ? region_right : region_left;
         const int run_beyond = run(line, beyond, 1, at, own_beyond, own_before);
@@ -131,7 +132,7 @@ private:
             ((k - near) * step < 0 ? side.near : side.far).add(pixel);
     }
 
-    const Sight& sight_;
+    const View& view_;
     const Edge& edge_;
     std::vector<Profile>& profiles_;
     SideColours& left_;
@@ -143,9 +144,38 @@ private:
 
 }  // namespace
 
-void take_profiles(const Sight& sight, const Edge& edge, double clear_a, double clear_b,
+std::vector<Bgr> mean_colours(const Mesh& mesh, const std::uint8_t* bgr, const std::vector<int>& labels,
+                              const std::vector<int>& region_of, int region_count) {
+    struct Sum {
+        std::array<std::int64_t, 3> sum{};
+        std::int64_t count = 0;
+    };
+    std::vector<Sum> sums(region_count);
+    const auto width = static_cast<std::size_t>(mesh.width);
+    for (std::size_t y = 0; y < static_cast<std::size_t>(mesh.height); y += kMeanRows) {
+        for (std::size_t k = y * width; k < (y + 1) * width;) {
+            // Run by run, which is many times as fast as looking the region up at every pixel.
+            const int face = labels[k];
+            const std::size_t start = k;
+            std::array<std::int64_t, 3> run{};
+            for (; k < (y + 1) * width && labels[k] == face; ++k)
+                for (int c = 0; c < 3; ++c) run[c] += bgr[3 * k + c];
+            Sum& total = sums[region_of[face]];
+            for (int c = 0; c < 3; ++c) total.sum[c] += run[c];
+            total.count += static_cast<std::int64_t>(k - start);
+        }
+    }
+    std::vector<Bgr> means(region_count);
+    for (int r = 0; r < region_count; ++r)
+        for (int c = 0; c < 3; ++c)
+            means[r][c] = static_cast<float>(static_cast<double>(sums[r].sum[c]) /
+                                             static_cast<double>(std::max<std::int64_t>(sums[r].count, 1)));
+    return means;
+}
+
+void take_profiles(const View& view, const Edge& edge, double clear_a, double clear_b,
                    std::vector<Profile>& profiles, SideColours& left, SideColours& right) {
-    Taker(sight, edge, profiles, left, right).take(clear_a, clear_b);
+    Taker(view, edge, profiles, left, right).take(clear_a, clear_b);
 }
 
 }  // namespace rbdn

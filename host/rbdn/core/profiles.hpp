@@ -10,8 +10,8 @@
 
 namespace rbdn {
 
-// What to measure: a net, the image it was fitted to, and what they say of every pixel and face.
-struct Sight {
+// What is measured: a net, the image it was fitted to, and what both say of every pixel, face and region.
+struct View {
     const Mesh& mesh;
     const std::uint8_t* bgr;             // (height, width, 3)
     const std::vector<int>& labels;      // face of every pixel
@@ -22,7 +22,12 @@ struct Sight {
     bool is_outline(const Edge& e) const {
         return !e.dead && !e.on_border() && region(e.left) != region(e.right);
     }
+    const std::uint8_t* pixel(int x, int y) const { return bgr + 3 * (static_cast<std::size_t>(y) * mesh.width + x); }
 };
+
+// Mean colours of the regions, from some rows of the image.
+std::vector<Bgr> mean_colours(const Mesh& mesh, const std::uint8_t* bgr, const std::vector<int>& labels,
+                              const std::vector<int>& region_of, int region_count);
 
 struct Profile {
     const std::uint8_t* first;  // pixel
@@ -63,7 +68,7 @@ constexpr float kBand = 4.0F;  // half width of the band in which the step is lo
 
 // Appends the profiles of one edge, in order along it. They end before whatever else lies beside the edge; the
 // sides' colours are not taken within `clear_a` and `clear_b` px of the ends.
-void take_profiles(const Sight& sight, const Edge& edge, double clear_a, double clear_b,
+void take_profiles(const View& view, const Edge& edge, double clear_a, double clear_b,
                    std::vector<Profile>& profiles, SideColours& left, SideColours& right);
 
 }  // namespace rbdn

@@ -6,6 +6,8 @@
 #include <limits>
 #include <numbers>
 
+#include "corners.hpp"
+
 namespace rbdn {
 
 namespace {
@@ -25,7 +27,8 @@ constexpr double kGate = 5.0;            // and then in standard deviations
 constexpr double kLeastGate = 0.25;
 constexpr double kWeakContrast = 6.0;    // grey levels
 constexpr double kFarthest = 2.5;        // px between the net and a believable step
-constexpr double kStepLimit = 2.0;       // px a vertex may be moved
+constexpr double kStep = 2.0;            // px a vertex may be moved
+constexpr double kCornerStep = 5.0;      // and a corner, which its edges' lines determine
 constexpr double kCornerMargin = 2.9;    // px to another edge within which its blur is seen
 constexpr double kStraightOn = 0.35;     // rad; outlines that turn less are smooth
 constexpr double kSurelySharp = 1.3;     // rad; those that turn more are corners
@@ -69,28 +72,14 @@ Bgr own_colour(const SideColours& side, const Bgr& of_region, double& variance) 
 
 }  // namespace
 
-Refinement Refiner::refine(const Sight& sight) {
-    sight_ = &sight;
-    const Mesh& mesh = sight.mesh;
-    fits_.clear();
-    profiles_.clear();
-    levels_.clear();
-    curves_.clear();
-    fit_of_edge_.assign(mesh.edges.size(), -1);
-    for (int k = 0; k < static_cast<int>(mesh.edges.size()); ++k) {
-        const Edge& e = mesh.edges[k];
-        const double size = mesh.edge_length(e);
-        if (!sight.is_outline(e) || size < 1e-6) continue;
-        EdgeFit fit;
-        fit.edge = k;
-        fit.left = sight.region(e.left);
-        fit.right = sight.region(e.right);
-        fit.size = size;
-        fit.unit = (1.0 / size) * mesh.along(e);
-        fit.normal = left_normal(mesh.along(e));
-        fit_of_edge_[k] = static_cast<int>(fits_.size());
-        fits_.push_back(fit);
-    }
+Refinement Refiner::refine(const Mesh& mesh, const std::uint8_t* bgr, const std::vector<int>& labels,
+                           const std::vector<int>& region_of, int region_count) {
+    Refinement out;
+    out.region_bgr = mean_colours(mesh, bgr, labels, region_of, region_count);
+    out.mesh = with_whole_corners({mesh, bgr, labels, region_of, out.region_bgr});
+    const View view{out.mesh, bgr, labels, region_of, out.region_bgr};
+    view_ = &view;
+    collect_edges();
     meet();
     for (EdgeFit& fit : fits_) {
         sample(fit);
@@ -115,19 +104,42 @@ Refinement Refiner::refine(const Sight& sight) {
             width_ = std::clamp(width_ + std::clamp(width_pull_ / width_weight_, -0.3, 0.3), kLeastWidth, kMostWidth);
         if (pass == 0) judge_bends();
     }
-    Refinement out;
     place_vertices(out);
     measure_areas(out);
+    view_ = nullptr;
     return out;
+}
+
+void Refiner::collect_edges() {
+    const Mesh& mesh = view_->mesh;
+    fits_.clear();
+    profiles_.clear();
+    levels_.clear();
+    curves_.clear();
+    fit_of_edge_.assign(mesh.edges.size(), -1);
+    for (int k = 0; k < static_cast<int>(mesh.edges.size()); ++k) {
+        const Edge& e = mesh.edges[k];
+        const double size = mesh.edge_length(e);
+        if (!view_->is_outline(e) || size < 1e-6) continue;
+        EdgeFit fit;
+        fit.edge = k;
+        fit.left = view_->region(e.left);
+        fit.right = view_->region(e.right);
+        fit.size = size;
+        fit.unit = (1.0 / size) * mesh.along(e);
+        fit.normal = left_normal(mesh.along(e));
+        fit_of_edge_[k] = static_cast<int>(fits_.size());
+        fits_.push_back(fit);
+    }
 }
 
 void Refiner::sample(EdgeFit& fit) {
     SideColours left, right;
     fit.begin = static_cast<int>(profiles_.size());
-    take_profiles(*sight_, sight_->mesh.edges[fit.edge], fit.clear_a, fit.clear_b, profiles_, left, right);
+    take_profiles(*view_, view_->mesh.edges[fit.edge], fit.clear_a, fit.clear_b, profiles_, left, right);
     fit.end = static_cast<int>(profiles_.size());
-    fit.high = own_colour(left, sight_->region_bgr[fit.left], fit.side_share);
-    fit.low = own_colour(right, sight_->region_bgr[fit.right], fit.side_share);
+    fit.high = own_colour(left, view_->region_bgr[fit.left], fit.side_share);
+    fit.low = own_colour(right, view_->region_bgr[fit.right], fit.side_share);
 
     const Bgr d = fit.high - fit.low;
     const float contrast2 = dot(d, d);
@@ -147,7 +159,7 @@ void Refiner::sample(EdgeFit& fit) {
 
 // Which vertices are corners, and how much of each edge they spoil.
 void Refiner::meet() {
-    const Mesh& mesh = sight_->mesh;
+    const Mesh& mesh = view_->mesh;
     smooth_.assign(mesh.vertices.size(), 0);
     doubtful_.assign(mesh.vertices.size(), 0);
     for (std::size_t v = 0; v < mesh.vertices.size(); ++v) {
@@ -394,7 +406,7 @@ void Refiner::fit_course(EdgeFit& fit) {
 
 // A doubtful vertex is smooth where the outline near it cuts the corner of its edges' lines, more than blur does.
 void Refiner::judge_bends() {
-    const Mesh& mesh = sight_->mesh;
+    const Mesh& mesh = view_->mesh;
     for (std::size_t v = 0; v < mesh.vertices.size(); ++v) {
         if (!doubtful_[v]) continue;
         double cut = 0, size = 0;
@@ -438,7 +450,7 @@ void Refiner::judge_bends() {
 
 // Every vertex goes where the lines of its edges meet.
 void Refiner::place_vertices(Refinement& out) {
-    const Mesh& mesh = sight_->mesh;
+    const Mesh& mesh = view_->mesh;
     const std::size_t n = mesh.vertices.size();
     out.vertices.resize(n);
     out.vertex_sigma.assign(n, std::numeric_limits<double>::quiet_NaN());
@@ -477,8 +489,8 @@ void Refiner::place_vertices(Refinement& out) {
         Vec2 move{(ayy * x - xy * y) / det, (axx * y - xy * x) / det};
         if (v.sides & (kLeftSide | kRightSide)) move = {0.0, yy > 0 ? y / yy : 0.0};
         if (v.sides & (kTopSide | kBottomSide)) move = {xx > 0 ? x / xx : 0.0, 0.0};
-        const double size = length(move);
-        if (size > kStepLimit) move = (kStepLimit / size) * move;
+        const double limit = is_corner ? kCornerStep : kStep, size = length(move);
+        if (size > limit) move = (limit / size) * move;
         out.vertices[k] = v.p + move;
         on_outline_[k] = smooth_[k] ? v.p + (1.0 / ends) * sum : out.vertices[k];
         if (is_corner && v.sides == 0) {
@@ -496,11 +508,11 @@ double Refiner::end_variance(const EdgeFit& fit, double t) const {
 
 // Area of the polygon through the corners and points of the outline, plus what lies between both.
 void Refiner::measure_areas(Refinement& out) {
-    const Mesh& mesh = sight_->mesh;
-    std::vector<double> variance(sight_->region_bgr.size(), 0.0);
-    out.area.assign(sight_->region_bgr.size(), 0.0);
+    const Mesh& mesh = view_->mesh;
+    std::vector<double> variance(view_->region_bgr.size(), 0.0);
+    out.area.assign(view_->region_bgr.size(), 0.0);
     for (const Edge& e : mesh.edges) {
-        const int left = sight_->region(e.left), right = sight_->region(e.right);
+        const int left = view_->region(e.left), right = view_->region(e.right);
         if (e.dead || left == right) continue;
         // Shoelace; a region on the left is walked anticlockwise on the screen.
         const double swept = -0.5 * cross(on_outline_[e.a], on_outline_[e.b]);

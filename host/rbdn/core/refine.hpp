@@ -5,6 +5,7 @@
 // being linear, it is not biased by noise, and together the places make the soft area of any shape.
 #pragma once
 
+#include <cstdint>
 #include <vector>
 
 #include "mesh.hpp"
@@ -24,8 +25,10 @@ struct OutlinePoint {
 };
 
 struct Refinement {
+    Mesh mesh;                         // the net with whole corners, where it was
+    std::vector<Bgr> region_bgr;       // mean colours
     std::vector<OutlinePoint> outline;
-    std::vector<Vec2> vertices;        // refined positions, by vertex of the mesh
+    std::vector<Vec2> vertices;        // refined positions, by vertex of `mesh`
     std::vector<double> vertex_sigma;  // px; NaN where the edges do not make a corner
     std::vector<double> area;          // by region
     std::vector<double> area_sigma;
@@ -49,8 +52,10 @@ private:
 
 class Refiner {
 public:
-    // Measures every edge between two regions.
-    Refinement refine(const Sight& sight);
+    // Measures every edge between two regions. `bgr` is (height, width, 3); `labels` give the face of every pixel,
+    // `region_of` the region of every face.
+    Refinement refine(const Mesh& mesh, const std::uint8_t* bgr, const std::vector<int>& labels,
+                      const std::vector<int>& region_of, int region_count);
 
 private:
     // Offset of the outline from an edge towards the left, as a function of the way along it from its middle.
@@ -79,6 +84,7 @@ private:
         double level_noise = 0;
     };
 
+    void collect_edges();
     void sample(EdgeFit& fit);
     void start(EdgeFit& fit, const MixCurve& curve);
     void weigh_mixing();
@@ -94,7 +100,7 @@ private:
     double end_variance(const EdgeFit& fit, double t) const;
     double side_error(const EdgeFit& fit) const;
 
-    const Sight* sight_ = nullptr;
+    const View* view_ = nullptr;
     std::vector<EdgeFit> fits_;
     std::vector<int> fit_of_edge_;
     std::vector<Profile> profiles_;
