@@ -2,8 +2,8 @@
 
     python -m bench.net [--json FILE] [--scenes N] [--rounds N] [--judged-scenes N]
 
-Everything runs interleaved in one process on one core; times are thread CPU time, and the minimum is the
-figure to trust where other work shares the machine. Nothing passes or fails here.
+Everything runs interleaved in one process on one core. Times are thread CPU time, each image's quietest of
+several rounds, since other work may share the machine. Nothing passes or fails here.
 """
 
 from __future__ import annotations
@@ -61,10 +61,19 @@ class Options:
 class Row:
     """What one method did at one size."""
 
-    times_ms: list[float] = field(default_factory=list)
+    quietest_ms: dict[tuple[int, int], float] = field(default_factory=dict)  # by scene and frame
     score: Score = field(default_factory=Score)
     images: int = 0  # that were scored
     note: str = ""
+
+    def clock(self, image: tuple[int, int], ms: float) -> None:
+        """Takes the time of one more run on an image."""
+        self.quietest_ms[image] = min(ms, self.quietest_ms.get(image, ms))
+
+    @property
+    def median_ms(self) -> float:
+        """Of the images."""
+        return median(self.quietest_ms.values())
 
     def judge(self, truth: np.ndarray, labels: np.ndarray) -> None:
         """Adds what was found in one more image."""
@@ -74,8 +83,8 @@ class Row:
     def figures(self) -> dict[str, float | str | None]:
         """The row for JSON; None where nothing was measured."""
         return {
-            "min_ms": min(self.times_ms) if self.times_ms else None,
-            "median_ms": median(self.times_ms) if self.times_ms else None,
+            "min_ms": min(self.quietest_ms.values()) if self.quietest_ms else None,
+            "median_ms": self.median_ms if self.quietest_ms else None,
             "recall_iou_0.9": self.score.found / self.score.true if self.score.true else None,
             "excess_regions_per_image": self.score.excess / self.images if self.images else None,
             "note": self.note,
@@ -151,11 +160,13 @@ def measure_size(width: int, height: int, options: Options) -> dict[str, Row]:
     for seed in range(max(2, round(options.scenes * 320 * 240 / (width * height)))):
         frames = [FlatScene(seed).draw(width, height, MOTION_PX * k) for k in range(FRAMES)]
         for turn in range(options.rounds):
-            _follow(rows, frames, flow, judge=turn == 0)
+            _follow(rows, seed, frames, flow, judge=turn == 0)
         image, truth = frames[0]
         for name, rival in rivals.items():
             if rival is not None:
-                rows[name].judge(truth, _timed(rows[name], lambda run=rival, image=image: run(image)))
+                rows[name].judge(
+                    truth, _timed(rows[name], (seed, 0), lambda run=rival, image=image: run(image))
+                )
     return rows
 
 
@@ -171,14 +182,18 @@ def judge_first_frames(scenes: int) -> dict[str, dict[str, Row]]:
             for name, config in ((FIRST, NetConfig()), (PAPER_FIRST, PAPER)):
                 core = TimedCore.of(net := Net(config))
                 rows[name].judge(truth, labels_of(net.track(image), 320, 240))
-                rows[name].times_ms.append(core.track_ms)
+                rows[name].clock((seed, 0), core.track_ms)
             for name, rival in rivals.items():
                 if rival is not None:
-                    rows[name].judge(truth, _timed(rows[name], lambda run=rival, image=image: run(image)))
+                    rows[name].judge(
+                        truth, _timed(rows[name], (seed, 0), lambda run=rival, image=image: run(image))
+                    )
     return results
 
 
-def _follow(rows: dict[str, Row], frames: list[tuple[np.ndarray, np.ndarray]], flow, judge: bool) -> None:
+def _follow(
+    rows: dict[str, Row], seed: int, frames: list[tuple[np.ndarray, np.ndarray]], flow, judge: bool
+) -> None:
     """A new net of each mode through the frames, the flow of the same frames in between."""
     core = TimedCore.of(net := Net())
     literal_core = TimedCore.of(literal_net := Net(PAPER))
@@ -187,27 +202,27 @@ def _follow(rows: dict[str, Row], frames: list[tuple[np.ndarray, np.ndarray]], f
         begin = time.thread_time()
         snapshot = net.track(image)
         if k > 0:
-            rows[WHOLE].times_ms.append(1e3 * (time.thread_time() - begin))
+            rows[WHOLE].clock((seed, k), 1e3 * (time.thread_time() - begin))
         row = rows[TRACKED if k > 0 else FIRST]
-        row.times_ms.append(core.track_ms)
-        rows[REFINED].times_ms.append(core.refine_ms)
+        row.clock((seed, k), core.track_ms)
+        rows[REFINED].clock((seed, k), core.refine_ms)
         if judge:
             row.judge(truth, labels_of(snapshot, truth.shape[1], truth.shape[0]))
         snapshot = literal_net.track(image)
         row = rows[PAPER_TRACKED if k > 0 else PAPER_FIRST]
-        row.times_ms.append(literal_core.track_ms)
+        row.clock((seed, k), literal_core.track_ms)
         if judge:
             row.judge(truth, labels_of(snapshot, truth.shape[1], truth.shape[0]))
         grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
         if before is not None:
-            _timed(rows[FLOW], lambda a=before, b=grey: flow.calc(a, b, None))  # pyright: ignore
+            _timed(rows[FLOW], (seed, k), lambda a=before, b=grey: flow.calc(a, b, None))  # pyright: ignore
         before = grey
 
 
-def _timed(row: Row, run: Callable[[], np.ndarray]) -> np.ndarray:
+def _timed(row: Row, image: tuple[int, int], run: Callable[[], np.ndarray]) -> np.ndarray:
     begin = time.thread_time()
     out = run()
-    row.times_ms.append(1e3 * (time.thread_time() - begin))
+    row.clock(image, 1e3 * (time.thread_time() - begin))
     return out
 
 
@@ -219,16 +234,19 @@ def table_of(results: dict[str, dict[str, Row]], memory_mb: float) -> Table:
     for heading in ("min ms", "median ms", "x flow", "found at IoU .9", "excess"):
         table.add_column(heading, justify="right")
     for size, rows in results.items():
-        one_flow = min(rows[FLOW].times_ms)
         for name, row in rows.items():
-            if not row.times_ms:
+            if not row.quietest_ms:
                 table.add_row(size, name, row.note)
                 continue
-            fastest = min(row.times_ms)
-            times = (fastest, median(row.times_ms), fastest / one_flow)
+            times = (min(row.quietest_ms.values()), row.median_ms, row.median_ms / rows[FLOW].median_ms)
             table.add_row(size, name, *(f"{t:.2f}" for t in times), *_quality(row))
         table.add_section()
-    table.caption = f"Peak memory of a process tracking 1280x720: {memory_mb:.0f} MB above its imports"
+    small, *_, large = results
+    growth = results[large][TRACKED].median_ms / results[small][TRACKED].median_ms
+    table.caption = (
+        f"Tracking {large} costs {growth:.1f} times what {small} does; "
+        f"peak memory of a process tracking it: {memory_mb:.0f} MB above its imports"
+    )
     if any(row.note for rows in results.values() for row in rows.values()):
         table.caption += escape(f"\n{REMEDY}")
     return table
@@ -244,7 +262,7 @@ def quality_table_of(results: dict[str, dict[str, Row]]) -> Table:
         table.add_column(heading, justify="right")
     for disturbance, rows in results.items():
         for name, row in rows.items():
-            time_ms = f"{median(row.times_ms):.2f}" if row.times_ms else row.note
+            time_ms = f"{row.median_ms:.2f}" if row.quietest_ms else row.note
             table.add_row(disturbance, name, time_ms, *_quality(row))
         table.add_section()
     return table
