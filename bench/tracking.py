@@ -50,7 +50,7 @@ class Options:
     """Sequence folders, played to and fro."""
     json: Path | None = None
     """Also write the figures to this file."""
-    scenes: int = 6
+    scenes: int = 4
     """Generated passes of each kind and look."""
     frames: int = 300
     """Length of the long runs."""

@@ -227,7 +227,14 @@ void OffMemory::turn(const std::vector<int>& source) {
 }
 
 int fragment_faces(Mesh& mesh, std::vector<int>& labels, const std::vector<int>& pixels, int square_px) {
-    return cut_squares(mesh, labels, pixels, square_px, kSmallestPiece);
+    // One pixel more all round: what is off ends short of its blurred outline, and what is narrow is mostly outline.
+    PixelSet cut(mesh.width, mesh.height);
+    for (int k : pixels) {
+        const int x = k % mesh.width, y = k / mesh.width;
+        for (int j = std::max(0, y - 1); j <= std::min(mesh.height - 1, y + 1); ++j)
+            for (int i = std::max(0, x - 1); i <= std::min(mesh.width - 1, x + 1); ++i) cut.add(j * mesh.width + i);
+    }
+    return cut_squares(mesh, labels, cut.list(), square_px, kSmallestPiece);
 }
 
 std::vector<int> turn_labels(Mesh& mesh, const std::vector<int>& labels, const std::vector<int>& source,
