@@ -136,9 +136,10 @@ class Scene:
     def draw(self, noise: float, seed: int) -> np.ndarray:
         """(H, W, 3) uint8, BGR, with Gaussian noise."""
         decode, encode = (_decoded, _encoded) if self.mixing == "light" else (np.asarray, np.asarray)
-        image = np.broadcast_to(decode(self.ground_rgb), (HEIGHT, WIDTH, 3)).copy()
+        image = np.broadcast_to(decode(self.ground_rgb), (HEIGHT, WIDTH, 3)).astype(float)
         for shape in self.shapes:
-            image += coverage(shape, WIDTH, HEIGHT, self.blur_px)[:, :, None] * (decode(shape.rgb) - image)
+            share = coverage(shape, WIDTH, HEIGHT, self.blur_px)[:, :, None]
+            image += share * (decode(shape.rgb) - image)
         noisy = encode(image) + np.random.default_rng(seed).normal(0, noise, image.shape)
         return np.clip(np.rint(noisy), 0, 255).astype(np.uint8)[:, :, ::-1].copy()
 
@@ -324,7 +325,7 @@ def table_of(mixing: str, results: dict[tuple[str, float], dict]) -> Table:
 def main() -> None:
     """Measure, print the table, and write it as JSON if asked to."""
     options = tyro.cli(Options)
-    console = Console()
+    console = Console(width=110)
     document = []
     for mixing in MIXINGS:
         results = {

@@ -11,9 +11,10 @@ namespace {
 constexpr double kSideFrom = 2.7;   // distances at which a side shows its own colour, px
 constexpr double kSideNear = 6.5;   // and to which it counts as near by
 constexpr double kSideTo = 12.0;
-constexpr double kTwilight = 2.0;   // before an edge, where its blur begins
+constexpr double kTwilight = 2.5;   // before an edge, where its blur begins
 constexpr double kUncertain = 2.0;  // within which a pixel may lie on the wrong side of the net
 constexpr double kLeastBand = 1.0;
+constexpr int kGuard = 3;            // lines off at which a side must still be itself
 constexpr std::size_t kMeanRows = 4;  // regions' colours are taken from every so many rows
 
 // One line of pixels through the image.
@@ -23,6 +24,8 @@ struct Line {
     int pixel_stride;   // bytes
     int label_stride;
     int count;
+    int across_stride;  // from a label to that of the next line
+    int before, after;  // lines on either side
 };
 
 class Taker {
@@ -61,8 +64,9 @@ private:
     Line line_through(int line, bool rows) const {
         const int width = view_.mesh.width;
         const std::size_t start = rows ? static_cast<std::size_t>(line) * width : line;
+        const int lines = rows ? view_.mesh.height : width;
         return {view_.bgr + 3 * start, view_.labels.data() + start, rows ? 3 : 3 * width, rows ? 1 : width,
-                rows ? width : view_.mesh.height};
+                rows ? width : view_.mesh.height, rows ? width : 1, line, lines - 1 - line};
     }
 
     // Pixels from the crossing to the first one that is not the side's own.
@@ -95,8 +99,10 @@ private:
         const double reach_beyond = clear_reach(run_beyond, beyond + run_beyond >= line.count);
         const double reach_before = clear_reach(run_before, beyond - run_before <= 0);
         if (clear) {
-            add_side(line, beyond, 1, at, run_beyond, reach_beyond, left_is_beyond ? left_ : right_);
-            add_side(line, beyond - 1, -1, at, run_before, reach_before, left_is_beyond ? right_ : left_);
+            add_side(line, beyond, 1, at, run_beyond, reach_beyond, own_beyond,
+                     left_is_beyond ? left_ : right_);
+            add_side(line, beyond - 1, -1, at, run_before, reach_before, own_before,
+                     left_is_beyond ? right_ : left_);
         }
         if (reach_beyond < kLeastBand || reach_before < kLeastBand) return;
 
@@ -119,13 +125,24 @@ private:
         profiles_.push_back(profile);
     }
 
-    void add_side(const Line& line, int begin, int step, double at, int run_px, double reach, SideColours& side) const {
+    // Whether the lines some way off show the same region too: an edge along the lines might be near.
+    bool is_clear(const Line& line, int k, int own) const {
+        const int* label = line.labels + static_cast<std::ptrdiff_t>(k) * line.label_stride;
+        const std::ptrdiff_t off = static_cast<std::ptrdiff_t>(kGuard) * line.across_stride;
+        return (line.before < kGuard || view_.region_of[*(label - off)] == own) &&
+               (line.after < kGuard || view_.region_of[*(label + off)] == own);
+    }
+
+    void add_side(const Line& line, int begin, int step, double at, int run_px, double reach, int own,
+                  SideColours& side) const {
         const double scale = 1.0 / std::abs(normal_);
         const double from = at + step * scale * kSideFrom, to = at + step * scale * reach;
         int first = step > 0 ? ceil_px(from - 0.5) : floor_px(from - 0.5);
         int last = step > 0 ? floor_px(to - 0.5) : ceil_px(to - 0.5);
         if ((begin + (run_px - 1) * step - last) * step < 0) last = begin + (run_px - 1) * step;
         if ((first - begin) * step < 0) first = begin;
+        if ((last - first) * step < 0 || !is_clear(line, first, own)) return;
+        while (!is_clear(line, last, own)) last -= step;
         const std::uint8_t* pixel = line.bgr + static_cast<std::ptrdiff_t>(first) * line.pixel_stride;
         const double near = at + step * scale * kSideNear - 0.5;
         for (int k = first; (last - k) * step >= 0; k += step, pixel += step * line.pixel_stride)
