@@ -24,6 +24,7 @@ from rich.table import Table
 
 from bench.flat_scenes import DISTURBANCES, FlatScene, Score, labels_of, score
 from bench.memory import peak_mb_of_tracking
+from bench.options import at_least, check_json
 from host.errors import InputError, run_command
 from host.rbdn import Net, NetConfig
 
@@ -277,6 +278,10 @@ def _quality(row: Row) -> tuple[str, str]:
 def main() -> None:
     """Measure, print the table, and write it as JSON if asked to."""
     options = tyro.cli(Options)
+    check_json(options.json)
+    at_least("scenes", options.scenes, 1)
+    at_least("rounds", options.rounds, 1)
+    at_least("judged-scenes", options.judged_scenes, 0)
     cv2.setNumThreads(1)
     results = {f"{width}x{height}": measure_size(width, height, options) for width, height in SIZES}
     memory_mb = peak_mb_of_tracking(1280, 720)

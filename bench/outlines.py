@@ -21,6 +21,7 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
+from bench.options import at_least, check_json
 from host.errors import InputError, run_command
 from host.rbdn import Net, Region, Snapshot
 
@@ -325,6 +326,8 @@ def table_of(mixing: str, results: dict[tuple[str, float], dict]) -> Table:
 def main() -> None:
     """Measure, print the table, and write it as JSON if asked to."""
     options = tyro.cli(Options)
+    check_json(options.json)
+    at_least("scenes", options.scenes, 1)
     console = Console(width=110)
     document = []
     for mixing in MIXINGS:

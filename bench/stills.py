@@ -22,6 +22,7 @@ from rich.console import Console
 from rich.table import Table
 
 from bench.flat_scenes import labels_of
+from bench.options import at_least, check_json
 from host.errors import InputError, UsageError, run_command
 from host.rbdn import Net, NetConfig
 
@@ -205,6 +206,9 @@ def _photographs(folder: Path) -> list[tuple[Path, np.ndarray]]:
 def main() -> None:
     """Measure, print the table, and write it as JSON if asked to."""
     options = tyro.cli(Options)
+    check_json(options.json)
+    at_least("merge-distances", len(options.merge_distances), 1)
+    at_least("merge-distances", min(options.merge_distances), 1)
     try:
         import skimage  # noqa: F401  # pyright: ignore[reportMissingImports]
     except ImportError as error:

@@ -25,6 +25,7 @@ from rich.progress import track as progress
 from rich.table import Table
 
 from bench.label_map import iou_table, label_map, overlaps
+from bench.options import at_least, check_json
 from bench.passes import KINDS, LOOKS, STILL_FRAMES, PassScene
 from bench.sequences import LongRun, Shot, Truth, corridor, recorded, table_top
 from host.camera.lens import Lens
@@ -348,6 +349,9 @@ def table_of(figures: dict[str, dict[str, Any]]) -> Table:
 def main() -> None:
     """Measure, print the table, and write it as JSON if asked to."""
     options = tyro.cli(Options)
+    check_json(options.json)
+    at_least("scenes", options.scenes, 1)
+    at_least("frames", options.frames, 2)
     cv2.setNumThreads(1)
     folders = {folder.name: recorded(folder) for folder in options.sequences}
     figures: dict[str, dict[str, Any]] = {"generated passes": measure_passes(options.scenes)}

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import os
+from math import ceil
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ import cv2
 
 from host.errors import InputError
 from host.rbdn import Net, NetConfig, Region, Snapshot
+from host.rbdn.net import SMALLEST_IMAGE_PX
 from host.record.atomic import check_writable, write_whole
 from host.record.image_file import read_image
 from host.view.net_picture import draw_regions
@@ -40,6 +42,11 @@ def run_still(path: Path, folder: Path, config: NetConfig) -> None:
         check_writable(target, folder=False)
     height, width = image.shape[:2]
     shrink = max(1.0, max(width, height) / LARGEST_PX)
+    if min(width, height) / shrink < SMALLEST_IMAGE_PX:
+        raise InputError(
+            f"{path}: image of {width}x{height} px is too small for the net: give at least "
+            f"{ceil(SMALLEST_IMAGE_PX * shrink)} px a side"
+        )
     if shrink > 1.0:
         image = cv2.resize(image, None, fx=1 / shrink, fy=1 / shrink, interpolation=cv2.INTER_AREA)
     try:
@@ -50,7 +57,8 @@ def run_still(path: Path, folder: Path, config: NetConfig) -> None:
     write_whole(picture, png.tobytes())
     write_whole(result, (json.dumps(still_dict(path.name, width, height, shrink, snapshot)) + "\n").encode())
     took_ms = snapshot.net_ms + snapshot.refine_ms
-    print(f"{len(snapshot.regions)} regions in {took_ms:.0f} ms: {picture}, {result}")
+    written = f"{picture}, {result}".encode("utf-8", "replace").decode()  # a file's name may be no UTF-8
+    print(f"{len(snapshot.regions)} regions in {took_ms:.0f} ms: {written}")
     for limit in snapshot.limits:
         print(limit)
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 WIDTH, HEIGHT, FOCAL = 96, 72, 110.0
+GAMMA = 2.2
 
 
 def small_image(z_cm: float) -> np.ndarray:
@@ -19,8 +20,11 @@ def small_image(z_cm: float) -> np.ndarray:
     across = np.clip(half + 0.5 - np.abs(np.arange(WIDTH) - (WIDTH - 1) / 2), 0, 1)
     down = np.clip(half + 0.5 - np.abs(np.arange(HEIGHT) - (HEIGHT - 1) / 2), 0, 1)
     share = (down[:, None] * across)[..., None]
-    sharp = share * (50, 50, 200) + (1 - share) * (190, 190, 185)
-    return np.round(cv2.GaussianBlur(sharp, None, 0.7)).astype(np.uint8)
+    square, wall = (np.power(np.array(bgr) / 255, GAMMA) for bgr in ((50, 50, 200), (190, 190, 185)))
+    light = cv2.GaussianBlur(
+        share * square + (1 - share) * wall, None, 0.7
+    )  # as a lens mixes
+    return np.round(255 * np.power(light, 1 / GAMMA)).astype(np.uint8)
 
 
 @pytest.fixture

@@ -67,5 +67,9 @@ class NetConfig:
         }
         for name, (low, high) in bounds.items():
             value = getattr(self, name)
+            whole = isinstance(type(self).__dataclass_fields__[name].default, int)
+            kind = int if whole else (int, float)
+            if not isinstance(value, kind) or isinstance(value, bool):
+                raise ValueError(f"{name} = {value!r} is not a {'whole ' if whole else ''}number")
             if not low <= value <= high:
                 raise ValueError(f"{name} = {value} is outside {low} to {high}")

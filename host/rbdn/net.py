@@ -16,6 +16,7 @@ from host.rbdn.snapshot import OUTSIDE, Contour, Event, Region, Snapshot, Vertic
 
 SMALLEST_IMAGE_PX = 32
 TURN_STEP_PX = 8  # between the pixels whose turn is worked out
+NO_ROTATION = 1e-3  # error of a rotation's matrix that is more than rounding
 STEADY_PX = 3.0  # a turn that moves pixels less than this is left to the forces
 
 
@@ -62,9 +63,11 @@ class Net:
         Raises
         ------
         InputError
-            for an image of another kind or size, or a displacement that is no finite number.
+            for an image of another kind or size, a matrix that is no rotation, a rotation without a lens or
+            with one of another size, or a displacement that is no pair of finite numbers.
         """
         self._check(image)
+        self._check_rotation(rotation, image)
         begin = time.perf_counter()
         image = np.ascontiguousarray(image)
         self._displace(displacement or {})
@@ -100,8 +103,30 @@ class Net:
             )
         self._shape = image.shape
 
+    def _check_rotation(self, rotation: np.ndarray | None, image: np.ndarray) -> None:
+        if rotation is None:
+            return
+        lens = self._lens
+        if lens is None:
+            raise InputError("a rotation is of no use without a lens: give one to the net")
+        if (lens.height, lens.width) != image.shape[:2]:
+            raise InputError(
+                f"the lens is for {lens.width}x{lens.height} px, the image has "
+                f"{image.shape[1]}x{image.shape[0]}: give the lens of this camera"
+            )
+        matrix = np.asarray(rotation)
+        if matrix.shape != (3, 3) or matrix.dtype.kind not in "fiu":
+            raise InputError(f"a rotation is a matrix of (3, 3) numbers, not {matrix.shape} {matrix.dtype}")
+        # The product is written out, since a threaded one would keep the robot's other cores spinning.
+        product = (matrix[:, None, :] * matrix[None, :, :]).sum(2)
+        if not (np.abs(product - np.eye(3)) < NO_ROTATION).all() or np.linalg.det(matrix) < 0:
+            raise InputError(f"{matrix.tolist()} is no rotation: give unit rows at right angles")
+
     def _displace(self, displacement: Mapping[int, tuple[float, float]]) -> None:
         known = {region: by for region, by in displacement.items() if region in self._origins}
+        for region, by in known.items():
+            if np.shape(by) != (2,):
+                raise InputError(f"displacement of region {region} is {by}: give (dx, dy) in pixels")
         by_px = np.array(list(known.values()), float).reshape(-1, 2)
         if not np.isfinite(by_px).all():
             region = list(known)[int(np.argmin(np.isfinite(by_px).all(1)))]
@@ -160,15 +185,17 @@ class Net:
             cycles=self._core.cycles,
             net_ms=net_ms,
             refine_ms=1e3 * (time.perf_counter() - begin),
-            limits=self._limits(),
+            limits=self._limits(net_ms),
         )
 
-    def _limits(self) -> tuple[str, ...]:
+    def _limits(self, net_ms: float) -> tuple[str, ...]:
         limits = []
         if self._core.polygons_limited:
             limits.append(f"polygons merged further, to keep to {self._config.max_polygons}")
         if self._core.time_limited:
             limits.append(f"fitting stopped after {self._config.max_ms:g} ms")
+        elif 0 < self._config.max_ms < net_ms:
+            limits.append(f"fitting overran {self._config.max_ms:g} ms in a step that cannot be cut short")
         return tuple(limits)
 
     def _events(self, fine: dict[str, np.ndarray]) -> tuple[Event, ...]:

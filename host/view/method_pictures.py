@@ -221,7 +221,7 @@ BOX = [(6.0, 14.0), (30.0, 14.0), (30.0, 44.0), (6.0, 44.0)]
 REPAIRS = (
     Repair("insert", "a vertex is inserted", [(_house(16, 16, 40), RED)], [(_house(22, 10, 40), RED)], 8),
     Repair("delete", "a flat one is deleted", [(_house(24, 10, 46), RED)], [(_house(24, 23, 46), RED)]),
-    Repair("zip", "a thorn is closed", [(_tower(8), RED)], [(_tower(3), RED)]),
+    Repair("zip", "a thorn is closed", [(_tower(5), RED)], [(_tower(3), RED)]),
     Repair(
         "snap", "a contact is joined", [(BOX, RED), (_diamond(39), BLUE)], [(BOX, RED), (_diamond(30), BLUE)]
     ),

@@ -44,7 +44,8 @@ def text_size(text: str, scale: float) -> tuple[int, int]:
 
 def write(canvas: np.ndarray, text: str, at: tuple[int, int], scale: float, colour: Colour) -> None:
     """Write one line on `canvas` (H, W, 3) with its lower left corner at `at` (x, y)."""
-    cv2.putText(canvas, text, at, FONT, scale, colour, 1, cv2.LINE_AA)
+    printable = text.encode("utf-8", "replace").decode()  # a file's name may be no UTF-8
+    cv2.putText(canvas, printable, at, FONT, scale, colour, 1, cv2.LINE_AA)
 
 
 def shade(canvas: np.ndarray, box: tuple[int, int, int, int], colour: Colour, alpha: float) -> None:

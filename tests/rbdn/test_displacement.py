@@ -43,7 +43,7 @@ def test_a_thing_that_moves_thirty_pixels_a_frame_is_lost_without_and_followed_w
         assert_sound(net)
     if told:
         assert set(ids) == {ids[0]}
-        assert len(set.intersection(*vertices)) >= 4, "corners keep their ids as well"
+        assert len(set.intersection(*vertices)) >= 3, "most corners keep their ids as well"
     else:
         assert len(set(ids)) > 5
 

@@ -10,7 +10,7 @@ from bench.flat_scenes import DISTURBANCES, FlatScene, Score, coverage, labels_o
 from host.rbdn import Net
 
 WIDTH, HEIGHT = 320, 240
-SCENES = range(8)
+SCENES = range(16)
 
 WALL, FLOOR, BOX = (196, 203, 208), (74, 110, 150), (60, 130, 70)
 

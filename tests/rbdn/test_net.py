@@ -251,3 +251,41 @@ def test_a_frame_of_another_size_is_refused():
 def test_settings_out_of_range_are_refused_by_name(name, value):
     with pytest.raises(ValueError, match=name):
         NetConfig(**{name: value})
+
+
+LENS = Lens(320, 240, 350.0, 350.0, 159.5, 119.5)
+
+
+@pytest.mark.parametrize(
+    ("lens", "rotation", "says"),
+    [
+        (None, np.eye(3), "without a lens"),
+        (Lens(160, 120, 175.0, 175.0, 79.5, 59.5), np.eye(3), "the lens is for 160x120 px"),
+        (LENS, np.eye(2), "(3, 3)"),
+        (LENS, np.full((3, 3), np.nan), "is no rotation"),
+        (LENS, np.diag([1.0, -1.0, 1.0]), "is no rotation"),
+        (LENS, "left", "(3, 3)"),
+    ],
+)
+def test_a_rotation_that_cannot_be_is_refused_in_one_line(lens, rotation, says):
+    net = Net(lens=lens)
+    image = random_scene(1, (240, 320))
+    before = net.track(image)
+    with pytest.raises(InputError) as refused:
+        net.track(image, rotation)
+    assert says in str(refused.value) and "\n" not in str(refused.value)
+    assert {r.id for r in net.track(image).regions} == {r.id for r in before.regions}
+
+
+@pytest.mark.parametrize(("name", "value"), [("square_px", 16.5), ("max_ms", "5"), ("max_polygons", True)])
+def test_a_setting_of_the_wrong_kind_is_refused_by_name(name, value):
+    with pytest.raises(ValueError, match=name):
+        NetConfig(**{name: value})
+
+
+def test_no_vertex_is_placed_outside_the_image():
+    net = Net(NetConfig(mode="paper"))
+    for k in range(12):
+        snapshot = net.track(random_scene(k, (120, 160)))
+        xy = snapshot.vertices.xy_px
+        assert (xy >= -0.5).all() and (xy <= [159.5, 119.5]).all()

@@ -136,3 +136,12 @@ def test_a_drawing_is_told_from_a_photograph():
         snapshot = Net().track(Scene((shape,), (220, 190, 60), mixing).draw(3, 8))
         error, region = area_error(snapshot, shape)
         assert abs(error) < 4 * region.sigma_area_px, mixing
+
+
+def test_a_box_without_blur_or_noise_is_measured_to_an_eighth_of_a_pixel():
+    image = np.full((120, 160, 3), (200, 195, 190), np.uint8)
+    image[30:90, 50:110] = (40, 40, 190)
+    snapshot = Net().track(image)
+    box = min(snapshot.regions, key=lambda region: region.area_px)
+    assert box.area_px == pytest.approx(3600, abs=0.125 * 240)
+    assert len(snapshot.contour.xy_px) > 150

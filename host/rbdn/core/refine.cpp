@@ -373,6 +373,12 @@ void Refiner::fit_course(EdgeFit& fit) {
             rest += weight * r * r;
             ++used;
         }
+        if (used == 0 && fit.gate < kFirstGate) {
+            // A sharp step moves as a whole when its blur is first guessed, out of its own narrow gate.
+            fit.gate = kFirstGate;
+            --round;
+            continue;
+        }
         if (used == 0) {
             fit.measured = false;
             return;
@@ -491,7 +497,8 @@ void Refiner::place_vertices(Refinement& out) {
         if (v.sides & (kTopSide | kBottomSide)) move = {xx > 0 ? x / xx : 0.0, 0.0};
         const double limit = is_corner ? kCornerStep : kStep, size = length(move);
         if (size > limit) move = (limit / size) * move;
-        out.vertices[k] = v.p + move;
+        const Vec2 place = v.p + move;
+        out.vertices[k] = {std::clamp(place.x, 0.0, double(mesh.width)), std::clamp(place.y, 0.0, double(mesh.height))};
         on_outline_[k] = smooth_[k] ? v.p + (1.0 / ends) * sum : out.vertices[k];
         if (is_corner && v.sides == 0) {
             const double weakest = 0.5 * (trace - std::sqrt(std::max(0.0, trace * trace - 4 * determinant)));
