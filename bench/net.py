@@ -285,10 +285,10 @@ def main() -> None:
     cv2.setNumThreads(1)
     results = {f"{width}x{height}": measure_size(width, height, options) for width, height in SIZES}
     memory_mb = peak_mb_of_tracking(1280, 720)
-    Console().print(table_of(results, memory_mb))
+    Console(width=110).print(table_of(results, memory_mb))
     quality = judge_first_frames(options.judged_scenes) if options.judged_scenes > 0 else {}
     if quality:
-        Console().print(quality_table_of(quality))
+        Console(width=110).print(quality_table_of(quality))
     if options.json is not None:
         document = {
             "sizes": {size: {k: row.figures() for k, row in rows.items()} for size, rows in results.items()},

@@ -228,7 +228,7 @@ def main() -> None:
             regions, cpu_ms = f"{figures['regions_per_image']:.1f}", f"{figures['cpu_ms_per_image']:.1f}"
             table.add_row(f"{distance:g}", name, regions, *shown, cpu_ms)
         table.add_section()
-    Console().print(table)
+    Console(width=110).print(table)
     if options.json is not None:
         document = {
             f"{distance:g}": {name: row.figures() for name, row in rows.items()}

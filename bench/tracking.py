@@ -360,7 +360,7 @@ def main() -> None:
         figures[run.name] = measure_long_run(run)
     for name, (shots, lens) in progress(folders.items(), "to and fro", transient=True):
         figures[name] = measure_to_and_fro(shots, lens)
-    Console().print(table_of(figures))
+    Console(width=110).print(table_of(figures))
     if options.json is not None:
         try:
             options.json.write_text(json.dumps(figures, indent=2) + "\n")
