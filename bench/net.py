@@ -8,7 +8,6 @@ several rounds, since other work may share the machine. Nothing passes or fails 
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -22,10 +21,11 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from bench.figures_file import check_json, write_json
 from bench.flat_scenes import DISTURBANCES, FlatScene, Score, labels_of, score
 from bench.memory import peak_mb_of_tracking
-from bench.options import at_least, check_json
-from host.errors import InputError, run_command
+from bench.options import at_least
+from host.errors import run_command
 from host.rbdn import Net, NetConfig
 
 SIZES = ((320, 240), (640, 480), (1280, 720))
@@ -289,18 +289,12 @@ def main() -> None:
     quality = judge_first_frames(options.judged_scenes) if options.judged_scenes > 0 else {}
     if quality:
         Console(width=110).print(quality_table_of(quality))
-    if options.json is not None:
-        document = {
-            "sizes": {size: {k: row.figures() for k, row in rows.items()} for size, rows in results.items()},
-            "first_frames": {
-                how: {k: row.figures() for k, row in rows.items()} for how, rows in quality.items()
-            },
-            "peak_memory_mb_1280x720": memory_mb,
-        }
-        try:
-            options.json.write_text(json.dumps(document, indent=2) + "\n")
-        except OSError as error:
-            raise InputError(f"{options.json}: {error.strerror}; give a file that can be written") from error
+    document = {
+        "sizes": {size: {k: row.figures() for k, row in rows.items()} for size, rows in results.items()},
+        "first_frames": {how: {k: row.figures() for k, row in rows.items()} for how, rows in quality.items()},
+        "peak_memory_mb_1280x720": memory_mb,
+    }
+    write_json(options.json, document)
 
 
 if __name__ == "__main__":

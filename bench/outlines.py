@@ -10,7 +10,6 @@ here.
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass, field
 from itertools import pairwise
 from math import erf, hypot, pi, sqrt
@@ -21,8 +20,9 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
-from bench.options import at_least, check_json
-from host.errors import InputError, run_command
+from bench.figures_file import check_json, write_json
+from bench.options import at_least
+from host.errors import run_command
 from host.rbdn import Net, Region, Snapshot
 
 WIDTH, HEIGHT = 320, 240
@@ -339,11 +339,7 @@ def main() -> None:
         console.print(table_of(mixing, results))
         for (kind, noise), figures in results.items():
             document.append({"mixing": mixing, "shape": kind, "noise": noise, **figures})
-    if options.json is not None:
-        try:
-            options.json.write_text(json.dumps(document, indent=2) + "\n")
-        except OSError as error:
-            raise InputError(f"{options.json}: {error.strerror}; give a file that can be written") from error
+    write_json(options.json, document)
 
 
 if __name__ == "__main__":

@@ -8,7 +8,6 @@ photograph is cut up at each merge distance, and by felzenszwalb at the scale th
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
@@ -21,8 +20,9 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
+from bench.figures_file import check_json, write_json
 from bench.flat_scenes import labels_of
-from bench.options import at_least, check_json
+from bench.options import at_least
 from host.errors import InputError, UsageError, run_command
 from host.rbdn import Net, NetConfig
 
@@ -229,15 +229,11 @@ def main() -> None:
             table.add_row(f"{distance:g}", name, regions, *shown, cpu_ms)
         table.add_section()
     Console(width=110).print(table)
-    if options.json is not None:
-        document = {
-            f"{distance:g}": {name: row.figures() for name, row in rows.items()}
-            for distance, rows in results.items()
-        }
-        try:
-            options.json.write_text(json.dumps(document, indent=2) + "\n")
-        except OSError as error:
-            raise InputError(f"{options.json}: {error.strerror}; give a file that can be written") from error
+    document = {
+        f"{distance:g}": {name: row.figures() for name, row in rows.items()}
+        for distance, rows in results.items()
+    }
+    write_json(options.json, document)
 
 
 if __name__ == "__main__":

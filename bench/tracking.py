@@ -8,7 +8,6 @@ their region's id. Times are thread CPU time of the net alone. Nothing passes or
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
@@ -24,12 +23,13 @@ from rich.console import Console
 from rich.progress import track as progress
 from rich.table import Table
 
+from bench.figures_file import check_json, write_json
 from bench.label_map import iou_table, label_map, overlaps
-from bench.options import at_least, check_json
+from bench.options import at_least
 from bench.passes import KINDS, LOOKS, STILL_FRAMES, PassScene
 from bench.sequences import LongRun, Shot, Truth, corridor, recorded, table_top
 from host.camera.lens import Lens
-from host.errors import InputError, run_command
+from host.errors import run_command
 from host.rbdn import Net
 
 PASSES = 9  # of a sequence played to and fro
@@ -361,11 +361,7 @@ def main() -> None:
     for name, (shots, lens) in progress(folders.items(), "to and fro", transient=True):
         figures[name] = measure_to_and_fro(shots, lens)
     Console(width=110).print(table_of(figures))
-    if options.json is not None:
-        try:
-            options.json.write_text(json.dumps(figures, indent=2) + "\n")
-        except OSError as error:
-            raise InputError(f"{options.json}: {error.strerror}; give a file that can be written") from error
+    write_json(options.json, figures)
 
 
 if __name__ == "__main__":

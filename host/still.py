@@ -49,10 +49,7 @@ def run_still(path: Path, folder: Path, config: NetConfig) -> None:
         )
     if shrink > 1.0:
         image = cv2.resize(image, None, fx=1 / shrink, fy=1 / shrink, interpolation=cv2.INTER_AREA)
-    try:
-        snapshot = Net(config).track(image)
-    except InputError as error:  # the net does not know the image's name
-        raise InputError(f"{path}: {error}") from error
+    snapshot = Net(config).track(image)
     _, png = cv2.imencode(".png", draw_regions(image, snapshot, f"{path.name}   {width}x{height} px"))
     write_whole(picture, png.tobytes())
     write_whole(result, (json.dumps(still_dict(path.name, width, height, shrink, snapshot)) + "\n").encode())

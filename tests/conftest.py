@@ -21,9 +21,7 @@ def small_image(z_cm: float) -> np.ndarray:
     down = np.clip(half + 0.5 - np.abs(np.arange(HEIGHT) - (HEIGHT - 1) / 2), 0, 1)
     share = (down[:, None] * across)[..., None]
     square, wall = (np.power(np.array(bgr) / 255, GAMMA) for bgr in ((50, 50, 200), (190, 190, 185)))
-    light = cv2.GaussianBlur(
-        share * square + (1 - share) * wall, None, 0.7
-    )  # as a lens mixes
+    light = cv2.GaussianBlur(share * square + (1 - share) * wall, None, 0.7)  # as a lens mixes
     return np.round(255 * np.power(light, 1 / GAMMA)).astype(np.uint8)
 
 

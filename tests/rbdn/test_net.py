@@ -10,9 +10,10 @@ from hypothesis import strategies as st
 from invariants import assert_sound
 from scenes import add_noise, compose, ellipse_coverage, random_scene, rectangle_coverage
 
+from bench.outlines import region_at
 from host.camera.lens import Lens
 from host.errors import InputError
-from host.rbdn import Net, NetConfig, Snapshot
+from host.rbdn import Net, NetConfig
 
 SHAPE = (120, 160)
 WALL, RED, GREEN = (200, 205, 210), (40, 40, 190), (60, 150, 60)
@@ -24,21 +25,6 @@ def two_boxes(red_box, green_box, noise: float = 4.0, seed: int = 0) -> np.ndarr
         (rectangle_coverage(SHAPE, green_box, 0.7), GREEN),
     ]
     return add_noise(compose(SHAPE, WALL, layers), noise, seed)
-
-
-def region_at(snapshot: Snapshot, x: float, y: float):
-    """The region whose loops hold the point, by even-odd crossing count."""
-    for region in snapshot.regions:
-        inside = False
-        for loop in region.loops:
-            nxt = np.roll(loop, -1, 0)
-            spans = (loop[:, 1] > y) != (nxt[:, 1] > y)
-            with np.errstate(divide="ignore", invalid="ignore"):
-                at = loop[:, 0] + (y - loop[:, 1]) / (nxt[:, 1] - loop[:, 1]) * (nxt[:, 0] - loop[:, 0])
-            inside ^= bool((spans & (at > x)).sum() % 2)
-        if inside:
-            return region
-    raise AssertionError(f"no region at {x}, {y}")
 
 
 def test_two_boxes_on_a_wall_are_three_regions():

@@ -33,7 +33,7 @@ void CrossingLines::build(const Mesh& mesh, Axis axis, int step) {
 // One track an edge, counted into start_.
 void CrossingLines::collect_tracks(const Mesh& mesh, bool rows) {
     const int lines = static_cast<int>(start_.size()) - 1;
-    const auto first_line_from = [&](double u) { return step_ == 1 ? first_pixel_from(u) : ceil_px((u - 0.5) / step_); };
+    const auto first_line_from = [&](double u) { return ceil_px((u - 0.5) / step_); };
     tracks_.clear();
     for (int n = 0; n < static_cast<int>(mesh.edges.size()); ++n) {
         const Edge& e = mesh.edges[n];
