@@ -16,7 +16,7 @@ from host.errors import InputError
 from host.pose import Pose
 from host.record.sequence import read_sequence
 from host.sim.render import Renderer, Webcam, WebcamModel
-from host.sim.world import OBJECT_COLOURS, Ball, Box, Cylinder, Material, Room, Thing, World, room
+from host.sim.world import OBJECT_COLOURS, Ball, Box, Cylinder, Material, Rgb, Room, Thing, World, room
 
 FRAME_S = 0.1
 
@@ -69,9 +69,8 @@ class LongRun:
 def table_top(seed: int, frames: int) -> LongRun:
     """Five things before a wall; the camera sways a hand's breadth to and fro and sideways."""
     rng = np.random.default_rng((0x7AB1E, seed))
-    wall_rgb, table_rgb = (tuple(float(c) for c in rng.uniform(130, 235, 3)) for _ in range(2))
-    wall = Material(wall_rgb, contrast=0.03, scale_cm=6.0, seed=1)
-    table = Material(table_rgb, "wood", 0.08, 12.0, seed=2)
+    wall = Material(_pale(rng), contrast=0.03, scale_cm=6.0, seed=1)
+    table = Material(_pale(rng), "wood", 0.08, 12.0, seed=2)
     shell = Room(
         -150.0, 150.0, -120.0, rng.uniform(150, 190), 180.0,
         floor=table, left_wall=wall, right_wall=wall, back_wall=wall, front_wall=wall, ceiling=wall,
@@ -91,6 +90,11 @@ def table_top(seed: int, frames: int) -> LongRun:
         x, z, heading = 5 * math.sin(beat), 5 * (1 - math.cos(beat / 2)), 0.04 * math.sin(1.3 * beat)
         poses.append(Pose.planar(x, z, heading, t_s=k * FRAME_S))
     return LongRun(f"table-top {seed}", world, tuple(poses))
+
+
+def _pale(rng: np.random.Generator) -> Rgb:
+    red, green, blue = rng.uniform(130, 235, 3)
+    return float(red), float(green), float(blue)
 
 
 def _small_thing(rng: np.random.Generator, colour: int) -> Thing:
@@ -160,7 +164,14 @@ def _recorded_depths(folder: Path, count: int) -> Sequence[np.ndarray | None]:
         return [None] * count
     _check_count(files[0].parent, len(files), count)
     unit_cm = 100 * json.loads(described.read_text())["depth_unit_m"]
-    return [unit_cm * cv2.imread(str(f), cv2.IMREAD_UNCHANGED).astype(np.float32) for f in files]
+    return [unit_cm * _depth_image(file) for file in files]
+
+
+def _depth_image(file: Path) -> np.ndarray:
+    depth = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
+    if depth is None:
+        raise InputError(f"{file}: is no image that can be read; copy the sequence anew")
+    return depth.astype(np.float32)
 
 
 def _check_count(path: Path, found: int, count: int) -> None:

@@ -179,15 +179,15 @@ def measure_long_run(run: LongRun) -> dict[str, Any]:
             pairs.append((tracked[k], fresh.see(shot.image), shot.truth))
         last = shot.image
 
-    def recall(which: int) -> float | None:
-        return share(iou >= GOOD_IOU for pair in pairs for iou in object_ious(pair[which], pair[2]).values())
+    def recall(views: Iterable[tuple[View, Truth]]) -> float | None:
+        return share(iou >= GOOD_IOU for view, true in views for iou in object_ious(view, true).values())
 
     def ratio(figure: str) -> float:
         return median(getattr(a, figure) / getattr(b, figure) for a, b, _ in pairs)
 
     return {
-        "recall": recall(0),
-        "recall_fresh": recall(1),
+        "recall": recall((view, true) for view, _, true in pairs),
+        "recall_fresh": recall((fresh, true) for _, fresh, true in pairs),
         "faces_ratio": ratio("faces"),
         "vertices_ratio": ratio("vertices"),
         "time_ratio": ratio("ms"),
