@@ -1,0 +1,67 @@
+// Depth from the growth of a region's area (Eq. 14-18), with rotation taken out, over all frames of a run.
+//
+// Eq. 14 says that the area of a frontal surface goes with 1/Z^2, so 1/sqrt(A) is linear in Z, and with
+// Z_k = Z + d_k (Eq. 9) linear in the distance d_k by which frame k was taken farther back:
+//
+//     1/sqrt(A_k) = s (Z + d_k)
+//
+// Two frames give Eq. 16; more are a regression whose intercept over slope is the depth. The sensitivity
+// of Eq. 18 is dA/dZ = 2 A / Z.
+//
+// Areas are compared as the present orientation of the camera would show them. Turning the camera changes
+// an area element by 1/L^3 with L = r3 . p, r3 the third row of the turn and p the ray. Over a region
+//
+//     mean of 1/L^3 = (1 + 6 var(L)/L0^2) / L0^3 with L0 = L at the centroid,
+//
+// up to the third moments: for half a right angle of view turned by 0.1 rad that is 1e-5. So area,
+// centroid and second moments are all there is to keep of a frame, and a corrected path corrects them.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "answer.hpp"
+#include "frame_view.hpp"
+#include "path.hpp"
+#include "polygon.hpp"
+
+namespace depth {
+
+struct AreaConfig {
+    int history = 32;                // frames kept
+    double shape_change = 0.35;      // change of shape over change of size beyond which it declines
+    double outline_px = 0.1;         // by which all of an outline may lie too far in or out, always alike
+    double model_share = 0.03;       // model error: regions are not frontal planes
+    double own_share = 0.97;         // of its outline that must be the region's own
+    double min_change = 0.015;       // relative change of size that the motion must cause
+    double min_step_cm = 0.3;        // a frame nearer than this to the last one kept is not kept
+    double max_relative_sigma = 0.3; // a depth worse than this is declined
+};
+
+class AreaMethod {
+  public:
+    AreaMethod(const Camera& camera, const AreaConfig& config);
+
+    // Takes in one region of a frame, and says how far it is. The path must not change between the regions
+    // of one frame.
+    //
+    // own_share: share of its outline that is not the outline of something nearer
+    Answer update(const RegionView& region, const FrameView& frame, const Path& path, int present,
+                  double own_share);
+
+    // The region is no longer what it was.
+    void forget(std::int64_t id);
+
+    // Drops regions that have not been seen for long.
+    void forget_unseen(int present);
+
+    // Frames that the path must keep.
+    std::set<int> frames() const;
+
+  private:
+};
+
+}  // namespace depth
