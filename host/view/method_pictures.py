@@ -25,6 +25,7 @@ from host.rbdn import Net, NetConfig, Snapshot, _core
 from host.record.atomic import check_writable, write_whole
 from host.sim.render import Renderer, Webcam, WebcamModel
 from host.sim.world import world_from_uri
+from host.view.labels import middle_of
 from host.view.mesh_picture import (
     LETTERS,
     SUBPIXEL_BITS,
@@ -38,7 +39,6 @@ from host.view.mesh_picture import (
     in_a_row,
     mark_pixels,
 )
-from host.view.net_picture import middle_of
 from host.view.palette import INK, PAPER, Colour, region_colour, shade, text_size, write
 
 FOLDER = Path("docs/pictures")
