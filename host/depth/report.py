@@ -13,6 +13,7 @@ class Estimate:
 
     depth_cm: float
     sigma_cm: float
+    sensitivity: float | None = None  # of what is measured, per cm driven: px (vertex, outline), px^2 (area)
 
 
 @dataclass(frozen=True)
@@ -34,6 +35,7 @@ class RegionDepth:
     declined: dict[str, str] = field(default_factory=dict)  # reason by method
     silhouette_cm: float | None = None  # where the outline is: behind the surface on round things
     slope: tuple[float, float] | None = None  # d(1/Z)/dx, dy in 1/(cm px), where the outline shows a slant
+    moving: bool = False  # its outline does not fit the robot's own motion
 
 
 @dataclass(frozen=True)
