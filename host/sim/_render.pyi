@@ -1,4 +1,5 @@
 # The native renderer, documented in render_core; host/sim/render.py is its face.
+from collections.abc import Sequence
 from enum import Enum
 
 import numpy as np
@@ -12,7 +13,7 @@ class Pattern(Enum):
 
 class Material:
     def __init__(
-        self, pattern: Pattern, bgr: Triple, contrast: float, scale_cm: float, seed: int
+        self, pattern: Pattern, bgr: Triple, contrast: float, scale_cm: float, seed: int, gloss: float = 0.0
     ) -> None: ...
 
 class Scene:
@@ -34,9 +35,29 @@ class Scene:
     def cylinder(
         self, base: Triple, radius: float, height: float, object: int, part: int, material: Material
     ) -> None: ...
-    def round_occluder(self, x: float, z: float, radius: float, height: float) -> None: ...
+    def ellipsoid(
+        self, centre: Triple, u: Triple, v: Triple, w: Triple, object: int, part: int, material: Material
+    ) -> None: ...
+    def cone(
+        self,
+        base: Triple,
+        radius: float,
+        top_radius: float,
+        height: float,
+        object: int,
+        part: int,
+        material: Material,
+    ) -> None: ...
+    def round_occluder(self, x: float, z: float, radius: float, height: float, base: float = 0.0) -> None: ...
     def box_occluder(
-        self, x: float, z: float, half_u: float, half_v: float, yaw: float, height: float
+        self,
+        x: float,
+        z: float,
+        half_u: float,
+        half_v: float,
+        yaw: float,
+        height: float,
+        base: float = 0.0,
     ) -> None: ...
     def render(
         self,
@@ -49,6 +70,7 @@ class Scene:
         width: int,
         height: int,
         psf_px: float,
+        distortion: Sequence[float] = ...,
     ) -> np.ndarray: ...
     def truth(
         self,
@@ -60,4 +82,5 @@ class Scene:
         cy: float,
         width: int,
         height: int,
+        distortion: Sequence[float] = ...,
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]: ...

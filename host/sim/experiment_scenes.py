@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from host.camera.lens import Lens
-from host.sim.world import Box, Material, Rgb, Room, World
+from host.sim.things import Box, Material, Rgb
+from host.sim.world import Room, World
 
 LENS = Lens(320, 240, 371.0, 371.0, 159.5, 119.5)  # the paper's camera: f follows from its Table 1
 FRONT_CM = 85.0  # depth of both front faces in experiment 1

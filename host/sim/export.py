@@ -19,7 +19,8 @@ from host.errors import UsageError, run_command
 from host.pose import Pose
 from host.record.sequence import write_sequence
 from host.sim.render import IDEAL, Renderer, TrueFrame, Webcam, WebcamModel
-from host.sim.world import World, world_from_uri
+from host.sim.scenes import world_from_uri
+from host.sim.world import World
 
 PERIOD_S = 0.1  # between frames
 

@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike
 from host.camera.lens import Lens
 from host.pose import Pose
 from host.sim import _render
-from host.sim.world import Ball, Box, Cylinder, Material, World
+from host.sim.things import Ball, Board, Box, Cone, Cylinder, Ellipsoid, Material, Shape, Thing, pieces_of
+from host.sim.world import World
 
 
 @dataclass(frozen=True)
@@ -35,7 +36,7 @@ IDEAL = WebcamModel(
 
 @dataclass(frozen=True)
 class Part:
-    """One face of a box, or one smooth surface."""
+    """One face of a box, or one smooth surface; or all surfaces of a group that bear one name."""
 
     id: int
     object_id: int
@@ -53,6 +54,8 @@ class TrueFrame:
     object_id: np.ndarray  # (H, W) uint16, 0 = nothing
     part_area_px: np.ndarray  # (parts + 1,) visible area with fractions, by part id
     part_mean_z_cm: np.ndarray  # (parts + 1,) depth averaged over it
+    object_area_px: np.ndarray  # (objects + 1,) the same of whole objects, by object id
+    object_mean_z_cm: np.ndarray  # (objects + 1,)
 
 
 def linear_of(srgb: np.ndarray) -> np.ndarray:
@@ -98,9 +101,13 @@ class Renderer:
     # --- The scene --------------------------------------------------------------------------------
 
     def _part(self, name: str, planar: bool, corners_cm: np.ndarray | None = None) -> dict[str, int]:
-        object_id, part_id = len(self.object_names), len(self._parts) + 1
-        corners = np.zeros((0, 3)) if corners_cm is None else corners_cm
+        object_id = len(self.object_names)
         full_name = f"{self.object_names[object_id]}/{name}"
+        for part in self._parts:
+            if (part.object_id, part.name) == (object_id, full_name):
+                return {"object": object_id, "part": part.id}
+        part_id = len(self._parts) + 1
+        corners = np.zeros((0, 3)) if corners_cm is None else corners_cm
         self._parts.append(Part(part_id, object_id, full_name, planar, corners))
         return {"object": object_id, "part": part_id}
 
@@ -142,28 +149,77 @@ class Renderer:
             self._object(name)
             self._quad("face", corner, u, v, normal, material, shadowed=name == "floor")
 
-    def _add_thing(self, thing: Box | Cylinder | Ball) -> None:
+    def _add_thing(self, thing: Thing) -> None:
         self._object(thing.name)
-        material, scene, floor = _material(thing.material), self._scene, self._floor_y
-        if isinstance(thing, Box):
-            self._add_box(thing)
-        elif isinstance(thing, Cylinder):
-            base, top = (thing.x_cm, floor, thing.z_cm), (thing.x_cm, floor - thing.height_cm, thing.z_cm)
-            ids = self._part("side", False)
-            scene.cylinder(base, thing.radius_cm, thing.height_cm, **ids, material=material)
-            scene.disc(top, thing.radius_cm, **self._part("top", True), material=material)
-            scene.round_occluder(thing.x_cm, thing.z_cm, thing.radius_cm, thing.height_cm)
-        else:
-            centre = (thing.x_cm, floor - thing.radius_cm, thing.z_cm)
-            scene.sphere(centre, thing.radius_cm, **self._part("surface", False), material=material)
-            # it touches the floor in a point only
-            scene.round_occluder(thing.x_cm, thing.z_cm, 0.6 * thing.radius_cm, 1.6 * thing.radius_cm)
+        for piece in pieces_of(thing):
+            prefix = "" if piece is thing else f"{piece.name}/"
+            if isinstance(piece, Box):
+                self._add_box(piece, prefix)
+            elif isinstance(piece, Board):
+                self._add_board(piece, prefix)
+            elif isinstance(piece, Ball | Ellipsoid):
+                self._add_ball(piece, prefix)
+            else:
+                self._add_cone(piece, prefix)
 
-    def _add_box(self, box: Box) -> None:
+    def _foot(self, shape: Shape) -> np.ndarray:
+        """(3,): the shape's place at the height of its lower end, in world axes."""
+        return np.array([shape.x_cm, self._floor_y - shape.base_cm, shape.z_cm])
+
+    def _add_cone(self, cone: Cone | Cylinder, prefix: str) -> None:
+        material, foot, h = _material(cone.material), self._foot(cone), cone.height_cm
+        r = cone.radius_cm
+        side = self._part(f"{prefix}side", False)
+        if isinstance(cone, Cylinder):
+            top_r = r
+            self._scene.cylinder(_triple(foot), r, h, **side, material=material)
+        else:
+            top_r = cone.top_radius_cm
+            self._scene.cone(_triple(foot), r, top_r, h, **side, material=material)
+        if top_r > 0.0:
+            top = self._part(f"{prefix}top", True)
+            self._scene.disc(_triple(foot - (0.0, h, 0.0)), top_r, **top, material=material)
+        self._scene.round_occluder(
+            cone.x_cm, cone.z_cm, (r + top_r) / 2, cone.base_cm + h, **_above(cone.base_cm)
+        )
+
+    def _add_ball(self, ball: Ball | Ellipsoid, prefix: str) -> None:
+        material, foot = _material(ball.material), self._foot(ball)
+        surface = self._part(f"{prefix}surface", False)
+        if isinstance(ball, Ball):
+            half_height = wide = ball.radius_cm
+            centre = foot - (0.0, half_height, 0.0)
+            self._scene.sphere(_triple(centre), ball.radius_cm, **surface, material=material)
+        else:
+            half_height, wide = ball.half_height_cm, (ball.radii_cm[0] + ball.radii_cm[2]) / 2
+            centre = foot - (0.0, half_height, 0.0)
+            u, v, w = (_triple(axis) for axis in ball.half_axes_cm)
+            self._scene.ellipsoid(_triple(centre), u, v, w, **surface, material=material)
+        # it touches the floor in a point only
+        top_cm = ball.base_cm + 1.6 * half_height
+        self._scene.round_occluder(ball.x_cm, ball.z_cm, 0.6 * wide, top_cm, **_above(ball.base_cm))
+
+    def _add_board(self, board: Board, prefix: str) -> None:
+        c, s = math.cos(board.yaw_rad), math.sin(board.yaw_rad)
+        right, ahead, up = np.array([c, 0, -s]), np.array([s, 0, c]), np.array([0, -1.0, 0])
+        c, s = math.cos(board.lean_rad), math.sin(board.lean_rad)
+        w, h, normal = board.width_cm * right, board.height_cm * (c * up + s * ahead), s * up - c * ahead
+        corner = self._foot(board) - w / 2
+        self._quad(f"{prefix}front", corner, w, h, normal, board.material)
+        self._quad(f"{prefix}back", corner, w, h, -normal, board.material)
+        middle, depth = board.height_cm * s / 2 * ahead, board.height_cm * abs(s)
+        if c > 0.2:  # what lies flat throws no shadow
+            self._scene.box_occluder(
+                board.x_cm + middle[0], board.z_cm + middle[2],
+                board.width_cm / 2, max(depth / 2, 0.2), board.yaw_rad, board.base_cm + board.height_cm * c,
+                **_above(board.base_cm),
+            )  # fmt: skip
+
+    def _add_box(self, box: Box, prefix: str) -> None:
         c, s = math.cos(box.yaw_rad), math.sin(box.yaw_rad)
         right, ahead, up = np.array([c, 0, -s]), np.array([s, 0, c]), np.array([0, -1.0, 0])
         w, d, h = box.width_cm * right, box.depth_cm * ahead, box.height_cm * up
-        near_left = np.array([box.x_cm, self._floor_y, box.z_cm]) - w / 2 - d / 2
+        near_left = self._foot(box) - w / 2 - d / 2
         for name, corner, u, v, normal in (
             ("front", near_left, w, h, -ahead),
             ("back", near_left + d, w, h, ahead),
@@ -171,10 +227,11 @@ class Renderer:
             ("right", near_left + w, d, h, right),
             ("top", near_left + h, w, d, up),
         ):
-            self._quad(name, corner, u, v, normal, box.material)
+            self._quad(f"{prefix}{name}", corner, u, v, normal, box.material)
         self._scene.box_occluder(
-            box.x_cm, box.z_cm, box.width_cm / 2, box.depth_cm / 2, box.yaw_rad, box.height_cm
-        )
+            box.x_cm, box.z_cm, box.width_cm / 2, box.depth_cm / 2, box.yaw_rad, box.base_cm + box.height_cm,
+            **_above(box.base_cm),
+        )  # fmt: skip
 
     # --- Pictures ---------------------------------------------------------------------------------
 
@@ -193,7 +250,11 @@ class Renderer:
     def truth(self, pose: Pose) -> TrueFrame:
         """What is to be seen from a pose."""
         depth, part, thing, area, mean_z = self._scene.truth(**_camera(pose, self.lens))
-        return TrueFrame(depth, part, thing, area, mean_z)
+        owner = np.array([0, *(p.object_id for p in self.parts)])
+        count = len(self.object_names) + 1
+        object_area = np.bincount(owner, area, count)
+        object_mean_z = np.bincount(owner, area * mean_z, count) / np.maximum(object_area, 1e-9)
+        return TrueFrame(depth, part, thing, area, mean_z, object_area, object_mean_z)
 
 
 class Webcam:
@@ -241,14 +302,22 @@ def _triple(a: ArrayLike) -> tuple[float, float, float]:
 def _camera(pose: Pose, lens: Lens) -> dict[str, Any]:
     rotation = np.ascontiguousarray(pose.rotation, float)
     position = np.ascontiguousarray(pose.position_cm, float)
-    return {
+    camera = {
         "rotation": rotation, "position": position,
         "fx": lens.fx, "fy": lens.fy, "cx": lens.cx, "cy": lens.cy,
         "width": lens.width, "height": lens.height,
     }  # fmt: skip
+    if any(lens.distortion):
+        camera["distortion"] = lens.distortion
+    return camera
+
+
+def _above(base_cm: float) -> dict[str, float]:
+    return {"base": base_cm} if base_cm else {}
 
 
 def _material(material: Material) -> _render.Material:
     bgr = _triple(linear_of(np.array(material.rgb[::-1]) / 255.0))
     pattern = getattr(_render.Pattern, material.pattern)
-    return _render.Material(pattern, bgr, material.contrast, material.scale_cm, material.seed)
+    gloss = {"gloss": material.gloss} if material.gloss else {}
+    return _render.Material(pattern, bgr, material.contrast, material.scale_cm, material.seed, **gloss)

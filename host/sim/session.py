@@ -15,7 +15,7 @@ from host.sim.avr.board import AvrBoard
 from host.sim.board import Board, Line
 from host.sim.body import Body, BodyModel
 from host.sim.render import Renderer, Webcam, WebcamModel
-from host.sim.world import world_from_uri
+from host.sim.scenes import world_from_uri
 
 FRAMES_PER_S = 15.0
 

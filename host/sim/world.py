@@ -1,89 +1,16 @@
-"""What there is in a simulated world, and the URIs that name one.
-
-World axes are the camera's at the start: x right, y down, z forward, in cm. Everything stands on the floor,
-so that places are (x, z) and a heading or yaw turns from z towards x.
-"""
+"""Rooms with things in them, to drive through."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
-from urllib.parse import parse_qsl
 
 import cv2
 import numpy as np
 
 from host.camera.lens import Lens
-from host.errors import UsageError
-
-Rgb = tuple[float, float, float]  # 0..255, as on a screen
-
-
-@dataclass(frozen=True)
-class Material:
-    """How a surface looks."""
-
-    rgb: Rgb
-    pattern: str = "plain"  # "plain", "wood" or "tiles"
-    contrast: float = 0.04  # of the texture, relative to the colour
-    scale_cm: float = 3.0  # grain of plain, width of a plank, side of a tile
-    seed: int = 0
-
-
-@dataclass(frozen=True)
-class Box:
-    """An upright box; x, z is the middle of its base."""
-
-    name: str
-    x_cm: float
-    z_cm: float
-    width_cm: float  # along x at yaw 0
-    depth_cm: float  # along z at yaw 0
-    height_cm: float
-    yaw_rad: float
-    material: Material
-
-    @property
-    def reach_cm(self) -> float:
-        """Radius of the circle round the base."""
-        return math.hypot(self.width_cm, self.depth_cm) / 2
-
-
-@dataclass(frozen=True)
-class Cylinder:
-    """An upright cylinder; x, z is the middle of its base."""
-
-    name: str
-    x_cm: float
-    z_cm: float
-    radius_cm: float
-    height_cm: float
-    material: Material
-
-    @property
-    def reach_cm(self) -> float:
-        """Radius of the base."""
-        return self.radius_cm
-
-
-@dataclass(frozen=True)
-class Ball:
-    """A ball on the floor."""
-
-    name: str
-    x_cm: float
-    z_cm: float
-    radius_cm: float
-    material: Material
-
-    @property
-    def reach_cm(self) -> float:
-        """How far it reaches sideways."""
-        return self.radius_cm
-
-
-Thing = Box | Cylinder | Ball
+from host.sim.things import Ball, Board, Box, Cylinder, Material, Rgb, Thing, pieces_of
 
 
 @dataclass(frozen=True)
@@ -118,20 +45,35 @@ class World:
 
     @cached_property
     def _circles(self) -> np.ndarray:
-        rows = [(t.x_cm, t.z_cm, t.radius_cm) for t in self.things if not isinstance(t, Box)]
+        rows = [
+            (piece.x_cm, piece.z_cm, piece.reach_cm)
+            for thing in self.things
+            for piece in pieces_of(thing)
+            if not isinstance(piece, Box | Board)
+        ]
         return np.array(rows).reshape(-1, 3)
 
     @cached_property
     def _rectangles(self) -> np.ndarray:
-        rows = [
-            (t.x_cm, t.z_cm, t.width_cm / 2, t.depth_cm / 2, math.cos(t.yaw_rad), math.sin(t.yaw_rad))
-            for t in self.things
-            if isinstance(t, Box)
-        ]
+        rows = []
+        for piece in (piece for thing in self.things for piece in pieces_of(thing)):
+            if not isinstance(piece, Box | Board):
+                continue
+            c, s = math.cos(piece.yaw_rad), math.sin(piece.yaw_rad)
+            x, z = piece.x_cm, piece.z_cm
+            if isinstance(piece, Box):
+                half = piece.depth_cm / 2
+            else:  # leaning away from its lower edge
+                half = piece.height_cm * math.sin(piece.lean_rad) / 2
+                x, z = x + half * s, z + half * c
+            rows.append((x, z, piece.width_cm / 2, abs(half), c, s))
         return np.array(rows).reshape(-1, 6)
 
     def distance_cm(self, points_cm: np.ndarray) -> np.ndarray:
-        """Distance (N,) from places (N, 2) = (x, z) to the nearest wall or thing; negative inside one."""
+        """Distance (N,) from places (N, 2) = (x, z) to the nearest wall or thing; negative inside one.
+
+        Things count by what lies below them, however high they hang; ellipsoids by their longest half axis.
+        """
         p = np.asarray(points_cm, float).reshape(-1, 2)
         x, z = p[:, 0], p[:, 1]
         room = self.room
@@ -270,37 +212,3 @@ def _fits(world: World, thing: Thing) -> bool:
     start = math.hypot(x, z) - reach
     goal = math.hypot(x - world.goal_cm[0], z - world.goal_cm[1]) - reach
     return start > 50 and goal > 35 and float(world.distance_cm(np.array([x, z]))[0]) > reach + 3
-
-
-# --- URIs ------------------------------------------------------------------------------------------
-
-SCENES = {"room": room, "boxes": boxes}
-PARAMETERS = {"room": ("seed", "objects"), "boxes": ("seed",)}
-HIGHEST = {"seed": 2**31 - 1, "objects": 30}
-
-
-def world_from_uri(uri: str) -> World:
-    """The world that a URI like ``sim:room?seed=3`` names.
-
-    Raises
-    ------
-    UsageError
-        Unknown scene or parameter (the known ones are named), or a value that is no number in range.
-    """
-    kind, colon, rest = uri.partition(":")
-    name, _, query = rest.partition("?")
-    if kind != "sim" or not colon or name not in SCENES:
-        known = ", ".join(f"sim:{s}" for s in SCENES)
-        raise UsageError(f"camera {uri!r}: no such simulated scene; known are {known}")
-    values: dict[str, int] = {}
-    for key, text in parse_qsl(query, keep_blank_values=True):
-        if key not in PARAMETERS[name]:
-            known = ", ".join(PARAMETERS[name])
-            raise UsageError(f"camera {uri!r}: sim:{name} has no parameter {key!r}; known are {known}")
-        if not (text.isascii() and text.isdigit() and int(text) <= HIGHEST[key]):
-            values_known = f"a whole number from 0 to {HIGHEST[key]}"
-            raise UsageError(f"camera {uri!r}: {key} must be {values_known}, not {text!r}")
-        if key in values:
-            raise UsageError(f"camera {uri!r}: {key} is given twice; keep one of them")
-        values[key] = int(text)
-    return SCENES[name](**values)

@@ -24,7 +24,7 @@ from host.pose import Pose
 from host.rbdn import Net, NetConfig, Snapshot, _core
 from host.record.atomic import check_writable, write_whole
 from host.sim.render import Renderer, Webcam, WebcamModel
-from host.sim.world import world_from_uri
+from host.sim.scenes import world_from_uri
 from host.view.labels import middle_of
 from host.view.mesh_picture import (
     LETTERS,

@@ -11,7 +11,9 @@ import pytest
 from host.camera.lens import Lens
 from host.sim.board import Side
 from host.sim.body import PHASES, STEP_US, Body, BodyModel
-from host.sim.world import Box, Material, Room, World, world_from_uri
+from host.sim.scenes import world_from_uri
+from host.sim.things import Box, Material
+from host.sim.world import Room, World
 
 GREY = Material((128.0, 128.0, 128.0))
 EQUAL = BodyModel(mismatch=0.0, sag_mv=0.0)

@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 from host.errors import UsageError
-from host.sim.world import Ball, Box, Cylinder, Material, Room, World, boxes, room, world_from_uri
+from host.sim.scenes import world_from_uri
+from host.sim.things import Ball, Box, Cylinder, Material
+from host.sim.world import Room, World, boxes, room
 
 SEEDS = range(60)
 

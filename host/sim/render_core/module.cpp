@@ -1,9 +1,11 @@
 // Python's door to the renderer; host/sim/render.py is its documented face.
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
+#include <nanobind/stl/array.h>
 #include <nanobind/stl/tuple.h>
 
 #include <algorithm>
+#include <array>
 #include <tuple>
 
 #include "render.hpp"
@@ -20,12 +22,18 @@ Vec3 vec(const Triple &t) { return {std::get<0>(t), std::get<1>(t), std::get<2>(
 
 // Camera-to-world rotation and position, and the lens.
 View view_of(const Matrix &rotation, const Vector &position, double fx, double fy, double cx, double cy, int width,
-             int height)
+             int height, const std::array<double, 5> &distortion)
 {
     const double *r = rotation.data(), *p = position.data();
     return {{p[0], p[1], p[2]}, {r[0], r[3], r[6]}, {r[1], r[4], r[7]}, {r[2], r[5], r[8]},
             fx,                 fy,                 cx,                 cy,
-            width,              height};
+            width,              height,             distortion};
+}
+
+void add(Scene &scene, Surface surface, int object, int part, const Material &material)
+{
+    surface.object = object, surface.part = part, surface.material = material;
+    scene.surfaces.push_back(surface);
 }
 
 template <class T> nb::object to_numpy(const std::vector<T> &data, std::initializer_list<std::size_t> shape)
@@ -48,10 +56,10 @@ NB_MODULE(_render, module)
     nb::class_<Material>(module, "Material")
         .def(
             "__init__",
-            [](Material *m, Pattern pattern, Triple bgr, double contrast, double scale_cm, uint32_t seed) {
-                new (m) Material{pattern, vec(bgr), contrast, scale_cm, seed};
-            },
-            nb::arg("pattern"), nb::arg("bgr"), nb::arg("contrast"), nb::arg("scale_cm"), nb::arg("seed"));
+            [](Material *m, Pattern pattern, Triple bgr, double contrast, double scale_cm, uint32_t seed,
+               double gloss) { new (m) Material{pattern, vec(bgr), contrast, scale_cm, seed, gloss}; },
+            nb::arg("pattern"), nb::arg("bgr"), nb::arg("contrast"), nb::arg("scale_cm"), nb::arg("seed"),
+            nb::arg("gloss") = 0.0);
 
     nb::class_<Scene>(module, "Scene")
         .def(
@@ -67,66 +75,100 @@ NB_MODULE(_render, module)
             "quad",
             [](Scene &scene, Triple corner, Triple u, Triple v, Triple normal, int object, int part,
                const Material &material, bool shadowed) {
-                Surface s{Shape::quad, vec(corner), vec(u), vec(v), unit(vec(normal)), 0, 0, part, object, material,
-                          shadowed};
-                scene.surfaces.push_back(s);
+                Surface s;
+                s.shape = Shape::quad;
+                s.origin = vec(corner), s.u = vec(u), s.v = vec(v), s.normal = unit(vec(normal));
+                s.shadowed = shadowed;
+                add(scene, s, object, part, material);
             },
             nb::arg("corner"), nb::arg("u"), nb::arg("v"), nb::arg("normal"), nb::arg("object"), nb::arg("part"),
             nb::arg("material"), nb::arg("shadowed"))
         .def(
             "disc",
             [](Scene &scene, Triple centre, double radius, int object, int part, const Material &material) {
-                Surface s{Shape::disc, vec(centre), {radius, 0, 0}, {0, 0, radius}, {0, -1, 0}, 0, 0, part, object,
-                          material,    false};
-                scene.surfaces.push_back(s);
+                Surface s;
+                s.shape = Shape::disc;
+                s.origin = vec(centre), s.u = {radius, 0, 0}, s.v = {0, 0, radius}, s.normal = {0, -1, 0};
+                add(scene, s, object, part, material);
             },
             nb::arg("centre"), nb::arg("radius"), nb::arg("object"), nb::arg("part"), nb::arg("material"))
         .def(
             "sphere",
             [](Scene &scene, Triple centre, double radius, int object, int part, const Material &material) {
-                Surface s{Shape::sphere, vec(centre), {}, {}, {}, radius, 0, part, object, material, false};
-                scene.surfaces.push_back(s);
+                Surface s;
+                s.shape = Shape::ellipsoid;
+                s.origin = vec(centre), s.u = {radius, 0, 0}, s.v = {0, radius, 0}, s.w = {0, 0, radius};
+                s.radius = radius;
+                add(scene, s, object, part, material);
             },
             nb::arg("centre"), nb::arg("radius"), nb::arg("object"), nb::arg("part"), nb::arg("material"))
         .def(
             "cylinder",
             [](Scene &scene, Triple base, double radius, double height, int object, int part,
                const Material &material) {
-                Surface s{Shape::cylinder, vec(base), {}, {}, {}, radius, height, part, object, material, false};
-                scene.surfaces.push_back(s);
+                Surface s;
+                s.shape = Shape::cone;
+                s.origin = vec(base), s.radius = s.top = radius, s.height = height;
+                add(scene, s, object, part, material);
             },
             nb::arg("base"), nb::arg("radius"), nb::arg("height"), nb::arg("object"), nb::arg("part"),
             nb::arg("material"))
         .def(
-            "round_occluder",
-            [](Scene &scene, double x, double z, double radius, double height) {
-                scene.occluders.push_back({x, z, 0, 0, 1, 0, radius, height});
+            "ellipsoid",
+            [](Scene &scene, Triple centre, Triple u, Triple v, Triple w, int object, int part,
+               const Material &material) {
+                Surface s;
+                s.shape = Shape::ellipsoid;
+                s.origin = vec(centre), s.u = vec(u), s.v = vec(v), s.w = vec(w);
+                s.radius = (std::sqrt(dot(s.u, s.u)) + std::sqrt(dot(s.v, s.v)) + std::sqrt(dot(s.w, s.w))) / 3.0;
+                add(scene, s, object, part, material);
             },
-            nb::arg("x"), nb::arg("z"), nb::arg("radius"), nb::arg("height"))
+            nb::arg("centre"), nb::arg("u"), nb::arg("v"), nb::arg("w"), nb::arg("object"), nb::arg("part"),
+            nb::arg("material"))
+        .def(
+            "cone",
+            [](Scene &scene, Triple base, double radius, double top_radius, double height, int object, int part,
+               const Material &material) {
+                Surface s;
+                s.shape = Shape::cone;
+                s.origin = vec(base), s.radius = radius, s.top = top_radius, s.height = height;
+                add(scene, s, object, part, material);
+            },
+            nb::arg("base"), nb::arg("radius"), nb::arg("top_radius"), nb::arg("height"), nb::arg("object"),
+            nb::arg("part"), nb::arg("material"))
+        .def(
+            "round_occluder",
+            [](Scene &scene, double x, double z, double radius, double height, double base) {
+                scene.occluders.push_back({x, z, 0, 0, 1, 0, radius, height, base});
+            },
+            nb::arg("x"), nb::arg("z"), nb::arg("radius"), nb::arg("height"), nb::arg("base") = 0.0)
         .def(
             "box_occluder",
-            [](Scene &scene, double x, double z, double half_u, double half_v, double yaw, double height) {
-                scene.occluders.push_back({x, z, half_u, half_v, std::cos(yaw), std::sin(yaw), 0, height});
+            [](Scene &scene, double x, double z, double half_u, double half_v, double yaw, double height,
+               double base) {
+                scene.occluders.push_back({x, z, half_u, half_v, std::cos(yaw), std::sin(yaw), 0, height, base});
             },
-            nb::arg("x"), nb::arg("z"), nb::arg("half_u"), nb::arg("half_v"), nb::arg("yaw"), nb::arg("height"))
+            nb::arg("x"), nb::arg("z"), nb::arg("half_u"), nb::arg("half_v"), nb::arg("yaw"), nb::arg("height"),
+            nb::arg("base") = 0.0)
         .def(
             "render",
             [](const Scene &scene, const Matrix &rotation, const Vector &position, double fx, double fy, double cx,
-               double cy, int width, int height, double psf_px) {
-                const auto bgr = render(scene, view_of(rotation, position, fx, fy, cx, cy, width, height), psf_px);
+               double cy, int width, int height, double psf_px, const std::array<double, 5> &distortion) {
+                const auto bgr
+                    = render(scene, view_of(rotation, position, fx, fy, cx, cy, width, height, distortion), psf_px);
                 return to_numpy(bgr, {static_cast<std::size_t>(height), static_cast<std::size_t>(width), 3});
             },
             nb::arg("rotation"), nb::arg("position"), nb::arg("fx"), nb::arg("fy"), nb::arg("cx"), nb::arg("cy"),
-            nb::arg("width"), nb::arg("height"), nb::arg("psf_px"))
+            nb::arg("width"), nb::arg("height"), nb::arg("psf_px"), nb::arg("distortion") = std::array<double, 5>{})
         .def(
             "truth",
             [](const Scene &scene, const Matrix &rotation, const Vector &position, double fx, double fy, double cx,
-               double cy, int width, int height) {
-                const Truth t = truth(scene, view_of(rotation, position, fx, fy, cx, cy, width, height));
+               double cy, int width, int height, const std::array<double, 5> &distortion) {
+                const Truth t = truth(scene, view_of(rotation, position, fx, fy, cx, cy, width, height, distortion));
                 const auto h = static_cast<std::size_t>(height), w = static_cast<std::size_t>(width);
                 return nb::make_tuple(to_numpy(t.depth, {h, w}), to_numpy(t.part, {h, w}), to_numpy(t.object, {h, w}),
                                       to_numpy(t.area, {t.area.size()}), to_numpy(t.mean_z, {t.mean_z.size()}));
             },
             nb::arg("rotation"), nb::arg("position"), nb::arg("fx"), nb::arg("fy"), nb::arg("cx"), nb::arg("cy"),
-            nb::arg("width"), nb::arg("height"));
+            nb::arg("width"), nb::arg("height"), nb::arg("distortion") = std::array<double, 5>{});
 }

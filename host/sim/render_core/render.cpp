@@ -11,6 +11,7 @@
 #include <array>
 #include <cmath>
 
+#include "places.hpp"
 #include "shading.hpp"
 
 namespace {
@@ -56,22 +57,22 @@ private:
 constexpr int16_t nothing = -1;
 
 struct Visible {
+    Places places;
     std::vector<Seen> seen;
     Plane<int16_t> which; // index into seen
     Plane<double> inverse_depth;
-    int pad;
 
     Visible(const Scene &scene, const View &view, int margin)
-        : which(view.width, view.height, margin, nothing), inverse_depth(view.width, view.height, margin, 0.0),
-          pad(margin)
+        : places(view, margin), which(view.width, view.height, margin, nothing),
+          inverse_depth(view.width, view.height, margin, 0.0)
     {
         for (const Surface &surface : scene.surfaces) {
             Seen s;
-            if (see(surface, view, margin, s))
+            if (see(surface, view, places, s))
                 seen.push_back(s);
         }
         for (std::size_t k = 0; k < seen.size(); k++)
-            draw(static_cast<int16_t>(k), view);
+            draw(static_cast<int16_t>(k));
     }
 
     // Do surfaces meet in this pixel?
@@ -86,13 +87,15 @@ struct Visible {
     }
 
 private:
-    void draw(int16_t k, const View &view)
+    void draw(int16_t k)
     {
         const Seen &s = seen[k];
         const bool quad = s.surface->shape == Shape::quad;
-        for (int y = s.y0; y < s.y1; y++)
-            for (int x = s.x0; x < s.x1; x++) {
-                const double inverse = quad ? quad_inverse_depth(s, x, y) : inverse_depth_at(s, view, x, y);
+        for (int y = s.box.y0; y < s.box.y1; y++)
+            for (int x = s.box.x0; x < s.box.x1; x++) {
+                const Place place = places.at(x, y);
+                const double inverse
+                    = quad ? quad_inverse_depth(s, place.x, place.y) : inverse_depth_at(s, place.x, place.y);
                 if (inverse > inverse_depth.at(x, y)) {
                     inverse_depth.at(x, y) = inverse;
                     which.at(x, y) = k;
@@ -104,14 +107,14 @@ private:
 // For each tile the surfaces that may show in it.
 class Tiles {
 public:
-    Tiles(const std::vector<Seen> &seen, const View &view, int pad)
-        : pad_(pad), across_((view.width + 2 * pad) / tile + 1),
-          lists_(static_cast<std::size_t>(across_) * ((view.height + 2 * pad) / tile + 1))
+    explicit Tiles(const Visible &visible)
+        : pad_(visible.places.pad), across_((visible.places.width + 2 * pad_) / tile + 1),
+          lists_(static_cast<std::size_t>(across_) * ((visible.places.height + 2 * pad_) / tile + 1))
     {
-        for (std::size_t k = 0; k < seen.size(); k++) {
-            const Seen &s = seen[k];
-            for (int ty = (s.y0 + pad) / tile; ty <= (s.y1 - 1 + pad) / tile; ty++)
-                for (int tx = (s.x0 + pad) / tile; tx <= (s.x1 - 1 + pad) / tile; tx++)
+        for (std::size_t k = 0; k < visible.seen.size(); k++) {
+            const Box &box = visible.seen[k].box;
+            for (int ty = (box.y0 + pad_) / tile; ty <= (box.y1 - 1 + pad_) / tile; ty++)
+                for (int tx = (box.x0 + pad_) / tile; tx <= (box.x1 - 1 + pad_) / tile; tx++)
                     lists_[static_cast<std::size_t>(ty) * across_ + tx].push_back(static_cast<int16_t>(k));
         }
     }
@@ -170,7 +173,7 @@ const Net &net_of(int x, int y)
 struct Share {
     int16_t which = nothing;
     int count = 0;       // of the samples
-    double x = 0, y = 0; // mean place of its samples
+    double x = 0, y = 0; // mean place of its samples in the pinhole's image
     std::array<uint16_t, cells * cells> in_cell{};
 };
 
@@ -178,36 +181,41 @@ using Corners = std::array<double, 4>;
 
 class Sampler {
 public:
-    Sampler(const std::vector<Seen> &seen, const View &view) : seen_(seen), view_(view) {}
+    explicit Sampler(const Visible &visible) : seen_(visible.seen), places_(visible.places) {}
 
     // Shares of the candidates that the pixel shows.
     const std::vector<Share> &shares(int x, int y, const std::vector<int16_t> &candidates)
     {
-        sort_out(x, y, candidates);
+        place_ = places_.at(x, y);
+        sort_out(candidates);
         shares_.clear();
         if (rivals_.size() == 1 && rivals_[0].whole) {
             Share &all = shares_.emplace_back();
-            all = {rivals_[0].which, samples, static_cast<double>(x), static_cast<double>(y), {}};
+            all = {rivals_[0].which, samples, place_.x, place_.y, {}};
             all.in_cell.fill(samples / (cells * cells));
             return shares_;
         }
-        net_ = &net_of(x, y);
+        const Net &net = net_of(x, y);
+        for (int i = 0; i < samples; i++) {
+            x_[i] = place_.x + place_.right_x * net.x[i] + place_.down_x * net.y[i];
+            y_[i] = place_.y + place_.right_y * net.x[i] + place_.down_y * net.y[i];
+        }
         inverse_.fill(0.0);
         winner_.fill(0); // 0: nothing
         shares_.resize(1);
         for (const Rival &rival : rivals_)
-            test(rival, x, y);
+            test(rival);
         for (int i = 0; i < samples; i++) {
             Share &share = shares_[winner_[i]];
             share.count++;
-            share.x += net_->x[i];
-            share.y += net_->y[i];
-            share.in_cell[net_->cell[i]]++;
+            share.x += x_[i] - place_.x;
+            share.y += y_[i] - place_.y;
+            share.in_cell[net.cell[i]]++;
         }
         std::erase_if(shares_, [](const Share &s) { return s.which == nothing || s.count == 0; });
         for (Share &share : shares_) {
-            share.x = x + share.x / share.count;
-            share.y = y + share.y / share.count;
+            share.x = place_.x + share.x / share.count;
+            share.y = place_.y + share.y / share.count;
         }
         return shares_;
     }
@@ -221,16 +229,19 @@ private:
     };
 
     // Surfaces that may show in the pixel, without those wholly behind another.
-    void sort_out(int x, int y, const std::vector<int16_t> &candidates)
+    void sort_out(const std::vector<int16_t> &candidates)
     {
         rivals_.clear();
         for (const int16_t which : candidates) {
             const Seen &s = seen_[which];
             Rival rival{which, false, s.surface->planar(), {}};
-            if (!touches(s, x, y, rival.whole))
+            if (!touches(s, rival.whole))
                 continue;
-            for (int k = 0; k < 4; k++)
-                rival.nearby[k] = s.inverse_depth.at(x + (k & 1) - 0.5, y + (k >> 1) - 0.5);
+            for (int k = 0; k < 4; k++) {
+                const double right = (k & 1) - 0.5, down = (k >> 1) - 0.5;
+                rival.nearby[k] = s.inverse_depth.at(place_.x + right * place_.right_x + down * place_.down_x,
+                                                     place_.y + right * place_.right_y + down * place_.down_y);
+            }
             rivals_.push_back(rival);
         }
         for (std::size_t k = 0; k < rivals_.size(); k++) {
@@ -246,24 +257,31 @@ private:
         }
     }
 
-    bool touches(const Seen &s, int x, int y, bool &whole) const
+    // By how much a linear function differs between the pixel's centre and its corners at most.
+    double swing(const Linear &f) const
+    {
+        return 0.5 * (std::abs(f.x * place_.right_x + f.y * place_.right_y)
+                      + std::abs(f.x * place_.down_x + f.y * place_.down_y));
+    }
+
+    bool touches(const Seen &s, bool &whole) const
     {
         if (s.surface->shape != Shape::quad)
-            return may_touch(s, view_, x, y);
+            return may_touch(s, place_.x, place_.y);
         whole = true;
         for (const Linear &edge : s.inside) {
-            const double middle = edge.at(x, y), half = 0.5 * (std::abs(edge.x) + std::abs(edge.y));
+            const double middle = edge.at(place_.x, place_.y), half = swing(edge);
             if (middle < -half)
                 return false;
             whole = whole && middle > half;
         }
-        const double nearest = s.inverse_depth.at(x, y) + 0.5 * (std::abs(s.inverse_depth.x) + std::abs(s.inverse_depth.y));
+        const double nearest = s.inverse_depth.at(place_.x, place_.y) + swing(s.inverse_depth);
         whole = whole && nearest < 1.0 / near_cm;
         return true;
     }
 
     // Let a surface have the samples at which it is nearer than all before it.
-    void test(const Rival &rival, int x, int y)
+    void test(const Rival &rival)
     {
         const Seen &s = seen_[rival.which];
         const auto slot = static_cast<uint8_t>(shares_.size());
@@ -272,7 +290,7 @@ private:
         shares_.emplace_back().which = rival.which;
         const auto take = [&](auto &&inverse_depth) {
             for (int i = 0; i < samples; i++) {
-                const double inverse = inverse_depth(x + net_->x[i], y + net_->y[i]);
+                const double inverse = inverse_depth(x_[i], y_[i]);
                 const bool nearer = inverse > inverse_[i];
                 inverse_[i] = nearer ? inverse : inverse_[i];
                 winner_[i] = nearer ? slot : winner_[i];
@@ -283,12 +301,13 @@ private:
         else if (s.surface->shape == Shape::quad)
             take([&](double px, double py) { return quad_inverse_depth(s, px, py); });
         else
-            take([&](double px, double py) { return inverse_depth_at(s, view_, px, py); });
+            take([&](double px, double py) { return inverse_depth_at(s, px, py); });
     }
 
     const std::vector<Seen> &seen_;
-    const View &view_;
-    const Net *net_ = nullptr;
+    const Places &places_;
+    Place place_;                          // of the pixel
+    std::array<double, samples> x_{}, y_{}; // of its samples in the pinhole's image
     std::array<double, samples> inverse_{};
     std::array<uint8_t, samples> winner_{}; // index into shares_
     std::vector<Share> shares_;
@@ -303,7 +322,7 @@ struct MixedPixel {
 
 Vec3 colour_at(const Scene &scene, const Seen &seen, const View &view, double px, double py)
 {
-    const double inverse = inverse_depth_near(seen, view, px, py);
+    const double inverse = inverse_depth_near(seen, px, py);
     return inverse > 0.0 ? shade(scene, seen, view, px, py, inverse) : Vec3{};
 }
 
@@ -411,8 +430,8 @@ std::vector<float> render(const Scene &scene, const View &view, double psf_px)
 {
     const int margin = psf_px > 0.0 ? blur_radius : 0;
     const Visible visible(scene, view, margin + 1); // one more: a pixel is judged by its neighbours
-    const Tiles tiles(visible.seen, view, visible.pad);
-    Sampler sampler(visible.seen, view);
+    const Tiles tiles(visible);
+    Sampler sampler(visible);
 
     Light3 light(view.width, view.height, margin);
     std::vector<MixedPixel> mixed;
@@ -426,7 +445,8 @@ std::vector<float> render(const Scene &scene, const View &view, double psf_px)
                 if (shares.size() != 1 || shares[0].count != samples)
                     mixed.push_back(pixel);
             } else if (visible.which.at(x, y) != nothing) {
-                colour = shade(scene, visible.seen[visible.which.at(x, y)], view, x, y,
+                const Place place = visible.places.at(x, y);
+                colour = shade(scene, visible.seen[visible.which.at(x, y)], view, place.x, place.y,
                                visible.inverse_depth.at(x, y));
             }
             float *to = light.at(x, y);
@@ -442,8 +462,8 @@ std::vector<float> render(const Scene &scene, const View &view, double psf_px)
 Truth truth(const Scene &scene, const View &view)
 {
     const Visible visible(scene, view, 1);
-    const Tiles tiles(visible.seen, view, visible.pad);
-    Sampler sampler(visible.seen, view);
+    const Tiles tiles(visible);
+    Sampler sampler(visible);
 
     int parts = 0;
     for (const Surface &surface : scene.surfaces)
@@ -472,7 +492,7 @@ Truth truth(const Scene &scene, const View &view)
             }
             for (const Share &share : sampler.shares(x, y, tiles.at(x, y)))
                 count(share.which, static_cast<double>(share.count) / samples,
-                      inverse_depth_near(visible.seen[share.which], view, share.x, share.y));
+                      inverse_depth_near(visible.seen[share.which], share.x, share.y));
         }
     double total = 0.0;
     for (int part = 1; part <= parts; part++) {

@@ -2,9 +2,12 @@
 #include "shading.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cstdint>
 
 namespace {
+
+constexpr double shininess = 60.0; // Blinn's exponent: painted wood, skin of fruit
 
 // A point on a surface in the surface's own coordinates (cm), and how far one pixel reaches in each.
 struct Spot {
@@ -130,22 +133,28 @@ Spot planar_spot(const Seen &seen, double px, double py, double depth)
 }
 
 // Also finds the normal.
-Spot curved_spot(const Surface &s, const View &view, const Vec3 &ray, const Vec3 &point, double depth, Vec3 &normal)
+Spot curved_spot(const Seen &seen, const View &view, double px, double py, double depth, Vec3 &normal)
 {
-    const Vec3 from = point - s.origin;
-    const double around = std::atan2(from.x, -from.z);
-    const Vec3 along_u = {std::cos(around), 0.0, std::sin(around)};
-    Vec3 along_v = {0.0, 1.0, 0.0};
+    const Surface &s = *seen.surface;
+    std::array<double, 3> at{}; // on the surface's own axes
+    for (int k = 0; k < 3; k++)
+        at[k] = seen.eye[k] + depth * seen.towards[k].at(px, py);
+    const double around = std::atan2(at[0], -at[2]);
+    Vec3 along_u, along_v;
     Spot spot;
     spot.u = s.radius * around;
-    if (s.shape == Shape::sphere) {
-        normal = (1.0 / s.radius) * from;
+    if (s.shape == Shape::ellipsoid) {
+        normal = unit((at[0] / dot(s.u, s.u)) * s.u + (at[1] / dot(s.v, s.v)) * s.v + (at[2] / dot(s.w, s.w)) * s.w);
+        along_u = unit(std::cos(around) * s.u + std::sin(around) * s.w);
         along_v = cross(along_u, normal);
-        spot.v = s.radius * std::asin(std::clamp(normal.y, -1.0, 1.0));
+        spot.v = s.radius * std::asin(std::clamp(at[1], -1.0, 1.0));
     } else {
-        normal = {from.x / s.radius, 0.0, from.z / s.radius};
-        spot.v = from.y;
+        normal = unit({std::sin(around), (s.top - s.radius) / s.height, -std::cos(around)});
+        along_u = {std::cos(around), 0.0, std::sin(around)};
+        along_v = cross(along_u, normal);
+        spot.v = -at[1];
     }
+    const Vec3 ray = view.ray(px, py);
     spot.reach_u = reach(view, ray, normal, depth, along_u);
     spot.reach_v = reach(view, ray, normal, depth, along_v);
     return spot;
@@ -176,10 +185,10 @@ void shadow(const Scene &scene, const Vec3 &point, double &lamp, double &ambient
         if (dx * dx + dz * dz > away * away)
             continue;
         const double contact = std::max(distance_to(o, point.x, point.z), 0.0);
-        ambient *= 1.0 - 0.5 * std::exp(-contact / 3.5);
+        ambient *= 1.0 - 0.5 * std::exp(-(contact + o.base) / 3.5);
         double passed = 1.0;
         for (const double part : {0.2, 0.5, 0.85}) { // where the ray to the lamp is at this part of the height
-            const double up = part * o.height, soft = 2.0 + 0.3 * up;
+            const double up = o.base + part * (o.height - o.base), soft = 2.0 + 0.3 * up;
             const double d = distance_to(o, point.x + slope_x * up, point.z + slope_z * up);
             const double t = std::clamp(0.5 + 0.5 * d / soft, 0.0, 1.0);
             passed = std::min(passed, t * t * (3.0 - 2.0 * t));
@@ -197,7 +206,7 @@ Vec3 shade(const Scene &scene, const Seen &seen, const View &view, double px, do
     const Vec3 ray = view.ray(px, py), point = view.eye + depth * ray;
 
     Vec3 normal = s.normal;
-    const Spot spot = s.planar() ? planar_spot(seen, px, py, depth) : curved_spot(s, view, ray, point, depth, normal);
+    const Spot spot = s.planar() ? planar_spot(seen, px, py, depth) : curved_spot(seen, view, px, py, depth, normal);
 
     const Light &light = scene.light;
     const Vec3 to_lamp = light.lamp - point;
@@ -207,5 +216,11 @@ Vec3 shade(const Scene &scene, const Seen &seen, const View &view, double px, do
     double ambient = light.ambient + light.sky * (0.5 - 0.5 * normal.y);
     if (s.shadowed)
         shadow(scene, point, lamp, ambient);
-    return (lamp + ambient) * albedo(s.material, spot);
+    Vec3 colour = (lamp + ambient) * albedo(s.material, spot);
+    if (s.material.gloss > 0.0) {
+        const Vec3 half = unit(unit(to_lamp) - unit(ray));
+        const double shine = s.material.gloss * std::pow(std::max(dot(normal, half), 0.0), shininess);
+        colour = colour + Vec3{shine, shine, shine};
+    }
+    return colour;
 }

@@ -2,10 +2,14 @@
 #include "view.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <vector>
+
+#include "places.hpp"
 
 namespace {
 
+// Corners of something convex that holds the surface.
 std::vector<Vec3> hull(const Surface &s)
 {
     const Vec3 &o = s.origin;
@@ -17,20 +21,22 @@ std::vector<Vec3> hull(const Surface &s)
     default:
         break;
     }
-    const double top = s.shape == Shape::sphere ? o.y - s.radius : o.y - s.height;
-    const double bottom = s.shape == Shape::sphere ? o.y + s.radius : o.y;
     std::vector<Vec3> corners;
-    for (const double x : {o.x - s.radius, o.x + s.radius})
-        for (const double y : {top, bottom})
-            for (const double z : {o.z - s.radius, o.z + s.radius})
-                corners.push_back({x, y, z});
+    const double wide = std::max(s.radius, s.top);
+    for (const double i : {-1.0, 1.0})
+        for (const double j : {-1.0, 1.0})
+            for (const double k : {-1.0, 1.0})
+                corners.push_back(s.shape == Shape::ellipsoid
+                                      ? o + i * s.u + j * s.v + k * s.w
+                                      : o + Vec3{i * wide, j < 0.0 ? 0.0 : -s.height, k * wide});
     return corners;
 }
 
 // Pixels that the surface can touch; false when there are none.
-bool bound(const Surface &surface, const View &view, int pad, Seen &seen)
+bool bound(const Surface &surface, const View &view, const Places &places, Box &box)
 {
-    double x0 = 1e9, x1 = -1e9, y0 = 1e9, y1 = -1e9;
+    constexpr double endless = 1e9;
+    double x0 = endless, x1 = -endless, y0 = endless, y1 = -endless;
     int behind = 0;
     const std::vector<Vec3> corners = hull(surface);
     for (const Vec3 &corner : corners) {
@@ -47,21 +53,17 @@ bool bound(const Surface &surface, const View &view, int pad, Seen &seen)
     }
     if (behind == static_cast<int>(corners.size()))
         return false;
-    const double left = -pad, right = view.width + pad, upper = -pad, lower = view.height + pad;
     if (behind > 0)
-        x0 = left, x1 = right, y0 = upper, y1 = lower;
-    seen.x0 = static_cast<int>(std::floor(std::clamp(x0 - 1.0, left, right)));
-    seen.x1 = static_cast<int>(std::ceil(std::clamp(x1 + 2.0, left, right)));
-    seen.y0 = static_cast<int>(std::floor(std::clamp(y0 - 1.0, upper, lower)));
-    seen.y1 = static_cast<int>(std::ceil(std::clamp(y1 + 2.0, upper, lower)));
-    return seen.x0 < seen.x1 && seen.y0 < seen.y1;
+        x0 = y0 = -endless, x1 = y1 = endless;
+    box = places.pixels_of(x0, x1, y0, y1);
+    return box.x0 < box.x1 && box.y0 < box.y1;
 }
 
 Linear sum(const Linear &a, double k, const Linear &b) { return {a.x + k * b.x, a.y + k * b.y, a.c + k * b.c}; }
 
-// Nearer root of the quadratic a t^2 + 2 b t + c = 0 as 1/t; a negative discriminant counts as none,
-// or as zero when `force` is set.
-double inverse_of_near_root(double a, double b, double c, bool force)
+// Where a ray enters a solid bounded by the quadratic a t^2 + 2 b t + c = 0, negative inside, as 1/t. A negative
+// discriminant counts as none, or as zero when `force` is set.
+double inverse_of_entry(double a, double b, double c, bool force)
 {
     double discriminant = b * b - a * c;
     if (discriminant < 0.0) {
@@ -69,36 +71,58 @@ double inverse_of_near_root(double a, double b, double c, bool force)
             return 0.0;
         discriminant = 0.0;
     }
-    // t = c / (-b + sqrt): stable, since in front of the camera b < 0
-    return (-b + std::sqrt(discriminant)) / c;
+    const double root = std::sqrt(discriminant);
+    return b < 0.0 ? (root - b) / c : -a / (root + b); // the same, without cancellation
 }
 
-double curved_at(const Surface &s, const View &view, double px, double py, bool force)
+double curved_at(const Seen &seen, double px, double py, bool force)
 {
-    const Vec3 d = view.ray(px, py), o = view.eye - s.origin;
-    if (s.shape == Shape::sphere) {
-        const double c = dot(o, o) - s.radius * s.radius;
-        return c <= 0.0 ? 0.0 : in_front(inverse_of_near_root(dot(d, d), dot(d, o), c, force));
-    }
-    const double c = o.x * o.x + o.z * o.z - s.radius * s.radius;
-    if (c <= 0.0)
-        return 0.0;
-    const double inverse = inverse_of_near_root(d.x * d.x + d.z * d.z, d.x * o.x + d.z * o.z, c, force);
+    const Surface &s = *seen.surface;
+    const double x = seen.towards[0].at(px, py), y = seen.towards[1].at(px, py), z = seen.towards[2].at(px, py);
+    const auto &[from_x, from_y, from_z] = seen.eye;
+    if (s.shape == Shape::ellipsoid)
+        return in_front(inverse_of_entry(x * x + y * y + z * z, x * from_x + y * from_y + z * from_z,
+                                         from_x * from_x + from_y * from_y + from_z * from_z - 1.0, force));
+    const double widening = (s.top - s.radius) / s.height;
+    const double r = widening * y, from_r = s.radius + widening * from_y; // of the cone beside the ray
+    const double inverse = inverse_of_entry(x * x + z * z - r * r, x * from_x + z * from_z - r * from_r,
+                                            from_x * from_x + from_z * from_z - from_r * from_r, force);
     if (inverse <= 0.0)
         return 0.0;
-    const double up = -(o.y + d.y / inverse);
+    const double up = from_y + y / inverse;
     return force || (up >= 0.0 && up <= s.height) ? in_front(inverse) : 0.0;
+}
+
+// Coordinates on the surface's own axes.
+void turn_to_axes(const Surface &s, const View &view, Seen &seen)
+{
+    const Vec3 offset = view.eye - s.origin;
+    const bool ellipsoid = s.shape == Shape::ellipsoid;
+    const std::array<Vec3, 3> axes
+        = ellipsoid ? std::array{(1.0 / dot(s.u, s.u)) * s.u, (1.0 / dot(s.v, s.v)) * s.v, (1.0 / dot(s.w, s.w)) * s.w}
+                    : std::array{Vec3{1, 0, 0}, Vec3{0, -1, 0}, Vec3{0, 0, 1}};
+    double unit = 1.0; // shortest length that counts as 1
+    if (ellipsoid)
+        unit = std::sqrt(std::min({dot(s.u, s.u), dot(s.v, s.v), dot(s.w, s.w)}));
+    for (int k = 0; k < 3; k++) {
+        seen.towards[k] = view.along(axes[k]);
+        seen.eye[k] = dot(axes[k], offset);
+    }
+    const double far = std::sqrt(dot(offset, offset)) + 3.0 * s.radius + s.top + s.height;
+    seen.slack = far / std::min(view.fx, view.fy) / unit;
 }
 
 } // namespace
 
-bool see(const Surface &surface, const View &view, int pad, Seen &seen)
+bool see(const Surface &surface, const View &view, const Places &places, Seen &seen)
 {
     seen.surface = &surface;
-    if (!bound(surface, view, pad, seen))
+    if (!bound(surface, view, places, seen.box))
         return false;
-    if (!surface.planar())
+    if (!surface.planar()) {
+        turn_to_axes(surface, view, seen);
         return true;
+    }
     const double distance = dot(surface.normal, surface.origin - view.eye);
     if (distance >= 0.0) // seen from behind, or edge on
         return false;
@@ -117,7 +141,7 @@ bool see(const Surface &surface, const View &view, int pad, Seen &seen)
     return true;
 }
 
-double inverse_depth_at(const Seen &seen, const View &view, double px, double py)
+double inverse_depth_at(const Seen &seen, double px, double py)
 {
     switch (seen.surface->shape) {
     case Shape::quad:
@@ -128,27 +152,23 @@ double inverse_depth_at(const Seen &seen, const View &view, double px, double py
         return a * a + b * b <= r * r ? inverse : 0.0;
     }
     default:
-        return curved_at(*seen.surface, view, px, py, false);
+        return curved_at(seen, px, py, false);
     }
 }
 
-double inverse_depth_near(const Seen &seen, const View &view, double px, double py)
+double inverse_depth_near(const Seen &seen, double px, double py)
 {
-    const Surface &surface = *seen.surface;
-    return surface.planar() ? in_front(seen.inverse_depth.at(px, py)) : curved_at(surface, view, px, py, true);
+    return seen.surface->planar() ? in_front(seen.inverse_depth.at(px, py)) : curved_at(seen, px, py, true);
 }
 
-bool may_touch(const Seen &seen, const View &view, double px, double py)
+bool may_touch(const Seen &seen, double px, double py)
 {
     const Surface &s = *seen.surface;
     if (s.planar())
         return true;
-    // how far off the ray through the pixel's centre a ray through its corner can be at the surface
-    const Vec3 d = view.ray(px, py), o = view.eye - s.origin;
-    const double far = std::sqrt(dot(o, o)) + s.radius + s.height;
-    const double slack = far / std::min(view.fx, view.fy);
-    const Vec3 n = s.shape == Shape::sphere ? cross(o, d) : Vec3{0.0, o.z * d.x - o.x * d.z, 0.0};
-    const double along2 = s.shape == Shape::sphere ? dot(d, d) : d.x * d.x + d.z * d.z;
-    const double reach = s.radius + slack;
-    return dot(n, n) <= reach * reach * along2;
+    const bool ellipsoid = s.shape == Shape::ellipsoid;
+    const Vec3 d = {seen.towards[0].at(px, py), ellipsoid ? seen.towards[1].at(px, py) : 0.0, seen.towards[2].at(px, py)};
+    const Vec3 n = cross({seen.eye[0], ellipsoid ? seen.eye[1] : 0.0, seen.eye[2]}, d);
+    const double reach = (ellipsoid ? 1.0 : std::max(s.radius, s.top)) + seen.slack;
+    return dot(n, n) <= reach * reach * dot(d, d);
 }

@@ -1,0 +1,39 @@
+"""The simulated scenes by name, and the URIs that choose one."""
+
+from __future__ import annotations
+
+from urllib.parse import parse_qsl
+
+from host.errors import UsageError
+from host.sim.world import World, boxes, room
+
+SCENES = {"room": room, "boxes": boxes}
+PARAMETERS = {"room": ("seed", "objects"), "boxes": ("seed",)}
+HIGHEST = {"seed": 2**31 - 1, "objects": 30}
+
+
+def world_from_uri(uri: str) -> World:
+    """The world that a URI like ``sim:room?seed=3`` names.
+
+    Raises
+    ------
+    UsageError
+        Unknown scene or parameter (the known ones are named), or a value that is no number in range.
+    """
+    kind, colon, rest = uri.partition(":")
+    name, _, query = rest.partition("?")
+    if kind != "sim" or not colon or name not in SCENES:
+        known = ", ".join(f"sim:{s}" for s in SCENES)
+        raise UsageError(f"camera {uri!r}: no such simulated scene; known are {known}")
+    values: dict[str, int] = {}
+    for key, text in parse_qsl(query, keep_blank_values=True):
+        if key not in PARAMETERS[name]:
+            known = ", ".join(PARAMETERS[name])
+            raise UsageError(f"camera {uri!r}: sim:{name} has no parameter {key!r}; known are {known}")
+        if not (text.isascii() and text.isdigit() and int(text) <= HIGHEST[key]):
+            values_known = f"a whole number from 0 to {HIGHEST[key]}"
+            raise UsageError(f"camera {uri!r}: {key} must be {values_known}, not {text!r}")
+        if key in values:
+            raise UsageError(f"camera {uri!r}: {key} is given twice; keep one of them")
+        values[key] = int(text)
+    return SCENES[name](**values)
