@@ -85,7 +85,11 @@ class Net:
         return self._core.faults()
 
     def faces(self) -> dict[str, np.ndarray]:
-        """The polygons behind the regions: vertices, edges (a, b, left, right), means, label image."""
+        """The polygons behind the regions, not refined.
+
+        Vertices with their ids, edges (a, b, left, right), and of every polygon its mean, area and region id as
+        of the last image; the label image.
+        """
         return self._core.faces()
 
     def _check(self, image: np.ndarray) -> None:

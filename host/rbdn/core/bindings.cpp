@@ -92,7 +92,14 @@ public:
         std::iota(itself.begin(), itself.end(), 0);
         std::vector<double> areas(mesh.faces.size(), 0.0);
         for (const rbdn::Loop& loop : rbdn::trace_loops(mesh, itself)) areas[loop.face] += loop.area;
+        std::vector<std::int64_t> vertex_ids, region_ids;
+        for (const rbdn::Vertex& v : mesh.vertices) vertex_ids.push_back(v.id);
+        const rbdn::RegionSet& regions = tracker_.regions();
+        for (std::size_t f = 0; f < mesh.faces.size(); ++f)
+            region_ids.push_back(f < regions.of_face.size() ? regions.id[regions.of_face[f]] : rbdn::kNoRegion);
         nb::dict out;
+        out["vertex_ids"] = to_array(vertex_ids);
+        out["region_ids"] = to_array(region_ids);
         out["areas_px"] = to_array(areas);
         out["vertices_px"] = to_array(xy, {mesh.vertices.size(), 2});
         out["edges"] = to_array(edges, {mesh.edges.size(), 4});
@@ -268,7 +275,7 @@ NB_MODULE(_core, m) {
              "Put regions, by id, where they are expected in the next image; before track.")
         .def("refine", &NetCore::refine, "bgr"_a, "Regions, loops, vertices and sub-pixel outline as arrays.")
         .def("faces", &NetCore::faces,
-             "Vertices, edges (a, b, left, right), face means and areas, and the label image.")
+             "Vertices and their ids, edges (a, b, left, right), face means, areas and regions, and the label image.")
         .def("step", &NetCore::step, "step"_a, "seed"_a, "bgr"_a, "For tests: one operation, as Steps::apply.")
         .def("disparity", &NetCore::disparity, "bgr"_a, "reach_px"_a,
              "For tests: (E, 2, 2) pixels that are claimed across each edge, on its left and right, by halves.")
