@@ -17,7 +17,6 @@ import contextlib
 import json
 import math
 import os
-import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -32,7 +31,7 @@ from host.config import Config, read_command_line
 if TYPE_CHECKING:  # so that --help need not wait for OpenCV
     import numpy as np
 
-    from host.depth.report import DepthReport
+    from host.depth.report import DepthReport, Estimate
     from host.pose import Pose
     from host.rbdn.snapshot import Region, Snapshot
     from host.record.sequence import Sequence, SequenceFrame
@@ -48,7 +47,7 @@ class MeasureOptions:
     sequence: Positional[Annotated[Path | None, arg(metavar="[SEQUENCE]")]] = None  # the sequence folder
     poses: Path | None = None  # poses to use instead of the folder's poses.csv
     json: Path | None = None  # write all results to this file
-    pictures: Path | None = None  # write each frame with net and depths into this folder
+    pictures: Path | None = None  # write pictures of net, depths and vertices into this folder
     still: Path | None = None  # instead of a sequence: an image (PNG or JPEG) whose regions to find
     out: Path | None = None  # folder for the still's picture and JSON, runs if not given
 
@@ -163,6 +162,7 @@ def run_sequence(folder: Path, options: MeasureOptions, config: Config) -> None:
     from host.rbdn import Net
     from host.record.atomic import check_writable, write_whole
     from host.record.sequence import read_sequence
+    from host.view.sequence_pictures import SequencePictures
 
     sequence = read_sequence(folder, _poses_file(folder, options.poses))
     if options.json is not None:
@@ -170,16 +170,19 @@ def run_sequence(folder: Path, options: MeasureOptions, config: Config) -> None:
     if options.pictures is not None:
         check_writable(options.pictures, folder=True)
     _refuse_to_overwrite_input(options, sequence)
+    pictures = None if options.pictures is None else SequencePictures(sequence, options.pictures)
     frames: list[dict[str, Any]] = []
     last: MeasuredFrame | None = None
-    with _progress(len(sequence.frames)) as advance, _gallery(options.pictures, sequence) as gallery:
+    with _progress(len(sequence.frames) * (1 if pictures is None else 2)) as advance:
         for last in measure_sequence(
             sequence, Net(config.net, sequence.lens), Estimator(sequence.lens, config.depth)
         ):
             frames.append(last.as_dict())
-            if gallery is not None:
-                gallery(last)
+            if pictures is not None:
+                pictures.add(last.snapshot, last.depths)
             advance()
+        if pictures is not None:
+            pictures.write(advance)
     if options.json is not None:
         text = json.dumps(result_dict(sequence, frames), allow_nan=False)
         write_whole(options.json, text.encode() + b"\n")
@@ -204,10 +207,6 @@ def _refuse_to_overwrite_input(options: MeasureOptions, sequence: Sequence) -> N
         raise UsageError(f"{options.json}: belongs to the sequence and would be overwritten; write elsewhere")
 
 
-def _picture_name(frame: SequenceFrame) -> str:
-    return f"{frame.number:06d}.png"
-
-
 def _number(value: float | None) -> float | None:
     return float(value) if value is not None and math.isfinite(value) else None
 
@@ -226,13 +225,26 @@ def _region_dict(region: Region, depths: DepthReport) -> dict[str, Any]:
         "sigma_cm": _number(depth.sigma_cm) if depth else None,
         "method": depth.method if depth and known else None,
         "estimates": {
-            method: {"depth_cm": _number(estimate.depth_cm), "sigma_cm": _number(estimate.sigma_cm)}
+            method: _estimate_dict(estimate)
             for method, estimate in (depth.estimates if depth else {}).items()
         },
     }
+    if depth and depth.silhouette_cm is not None:
+        out["silhouette_cm"] = _number(depth.silhouette_cm)
+    if depth and depth.slope is not None:
+        out["slope"] = [_number(part) for part in depth.slope]
+    if depth and depth.moving:
+        out["moving"] = True
     note = depth.method_note if depth else "not estimated in this frame"
     if note is not None or not known:
         out["method_note"] = note or "the motion supports no depth yet"
+    return out
+
+
+def _estimate_dict(estimate: Estimate) -> dict[str, float | None]:
+    out = {"depth_cm": _number(estimate.depth_cm), "sigma_cm": _number(estimate.sigma_cm)}
+    if estimate.sensitivity is not None:
+        out["sensitivity"] = _number(estimate.sensitivity)
     return out
 
 
@@ -270,30 +282,6 @@ def _progress(total: int) -> Iterator[Callable[[], None]]:
     with Progress(console=console, disable=not console.is_terminal, transient=True) as bar:
         task = bar.add_task("measuring", total=total)
         yield lambda: bar.advance(task)
-
-
-@contextlib.contextmanager
-def _gallery(folder: Path | None, sequence: Sequence) -> Iterator[Callable[[MeasuredFrame], None] | None]:
-    """Takes frames and draws them; the pictures move into `folder` when all went well."""
-    if folder is None:
-        yield None
-        return
-    import cv2
-
-    from host.record.atomic import write_whole
-    from host.view.net_picture import draw_net
-
-    with tempfile.TemporaryDirectory(prefix="pictures-") as drafts:
-
-        def add(frame: MeasuredFrame) -> None:
-            since_start_s = frame.source.pose.t_s - sequence.frames[0].pose.t_s
-            caption = f"frame {frame.source.number}   {since_start_s:.2f} s"
-            picture = draw_net(frame.image, frame.snapshot, frame.depths, caption)
-            cv2.imwrite(str(Path(drafts) / _picture_name(frame.source)), picture)
-
-        yield add
-        for draft in sorted(Path(drafts).iterdir()):
-            write_whole(folder / draft.name, draft.read_bytes())
 
 
 def _print_table(last: MeasuredFrame, frames: list[dict[str, Any]], options: MeasureOptions) -> None:

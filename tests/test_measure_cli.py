@@ -130,6 +130,29 @@ def test_the_results_have_every_key_of_the_contract_and_null_where_nothing_is_kn
     assert [frame["vertices"][2][key] for key in ("X_cm", "Y_cm", "Z_cm", "sigma_cm")] == [None] * 4
 
 
+def test_what_only_some_regions_have_is_told_of_those_alone():
+    region = FakeNet().track(np.zeros((1, 1, 3), np.uint8)).regions[0]
+    nothing = VertexDepths(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros(0))
+
+    def told(depth: RegionDepth) -> dict:
+        return measure._region_dict(region, DepthReport({region.id: depth}, nothing))
+
+    plain = RegionDepth(80.0, 0.5, "area", None, {"area": Estimate(80.0, 0.5)})
+    more = replace(
+        plain,
+        estimates={"area": Estimate(80.0, 0.5, sensitivity=42.0)},
+        silhouette_cm=81.5,
+        slope=(1e-5, -2e-5),
+        moving=True,
+    )
+    assert told(more) == told(plain) | {
+        "estimates": {"area": {"depth_cm": 80.0, "sigma_cm": 0.5, "sensitivity": 42.0}},
+        "silhouette_cm": 81.5,
+        "slope": [1e-5, -2e-5],
+        "moving": True,
+    }
+
+
 def test_a_single_frame_is_too_few(sequence_folder: Path):
     sequence = read_sequence(sequence_folder)
     with pytest.raises(InputError, match="only 1 frame"):
@@ -149,8 +172,43 @@ def test_the_command_measures_a_growing_square(sequence_folder: Path, tmp_path: 
     assert square["mean_rgb"] == pytest.approx([200, 50, 50], abs=8)
     assert square["depth_cm"] == pytest.approx(54, rel=0.1)  # in cm, not metres; how well is for the scorers
     assert f"{square['depth_cm']:.1f}" in done.stdout
-    assert sorted(p.name for p in pictures.iterdir()) == [f"{k:06d}.png" for k in range(4)]
+    names = {f"{k:06d}{kind}.png" for k in range(4) for kind in ("", "_depth")} | {"vertices.png"}
+    assert {p.name for p in pictures.iterdir()} == names
     assert cv2.imread(str(pictures / "000003.png")).shape[1] == 960
+
+
+def test_the_error_is_drawn_only_where_the_sequence_brings_its_truth(
+    sequence_folder: Path, tmp_path, monkeypatch
+):
+    def width() -> int:
+        assert command(monkeypatch, sequence_folder, "--pictures", tmp_path / "pictures") == 0
+        return cv2.imread(str(tmp_path / "pictures" / "000003_depth.png")).shape[1]
+
+    without = width()
+    (sequence_folder / "truth").mkdir()
+    np.savez(sequence_folder / "truth" / "depth.npz", depth=np.full((4, 72, 96), 60.0))
+    assert width() == pytest.approx(1.5 * without, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    "depth", [np.full((4, 72, 90), 60.0), np.full((3, 72, 96), 60.0), np.full(4, 60.0), None]
+)
+def test_a_truth_that_does_not_fit_is_named_before_anything_is_written(
+    depth, sequence_folder: Path, tmp_path: Path, monkeypatch, capfd
+):
+    path = sequence_folder / "truth" / "depth.npz"
+    path.parent.mkdir()
+    if depth is None:
+        path.write_bytes(b"no archive")
+    else:
+        np.savez(path, depth=depth)
+    assert command(monkeypatch, sequence_folder, "--pictures", tmp_path / "pictures") == 3
+    said = capfd.readouterr()
+    assert said.err.startswith(f"error: {path}: ") and said.err.count("\n") == 1
+    assert not (tmp_path / "pictures").exists()
+    assert command(monkeypatch, sequence_folder, "--json", tmp_path / "out.json") == 0, (
+        "only pictures read it"
+    )
 
 
 def test_running_twice_gives_the_same_answers(sequence_folder: Path, tmp_path: Path, monkeypatch):
