@@ -43,16 +43,16 @@ def experiment_1(seed: int = 0) -> World:
 def experiment_2(seed: int = 0) -> World:
     """A turned box, a tomato and a pepper, at the average visible depths of the paper's Table 2.
 
-    Those are 92.33, 47 and 68.5 cm. Sideways things move by up to 1 cm; the box is turned by 20 to 40
+    Those are 92.33, 47 and 68.5 cm. Sideways things move by up to 1 cm; the box is turned by 17 to 33
     degrees to either side. The paper's frames are 5 cm apart.
     """
     vary = _Variation(0xE2, seed)
-    yaw = math.radians(30.0 + vary.aside(10.0)) * vary.sign()
+    yaw = math.radians(25.0 + vary.aside(8.0)) * vary.sign()
     box = Box(
-        "box", vary.aside(1.0), 92.0, vary.size(21.0), vary.size(13.0), vary.size(24.0), yaw,
+        "box", vary.aside(1.0), 92.0, vary.size(21.0), vary.size(7.5), vary.size(24.0), yaw,
         vary.paint((58, 96, 170)),
     )  # fmt: skip
-    wide = vary.size(3.9)
+    wide = vary.size(3.65)
     tomato = Ellipsoid(
         "tomato", -12.0 + vary.aside(1.0), 47.0, (wide, 0.84 * wide, wide), 0.0,
         vary.paint((190, 30, 24), gloss=0.35),
@@ -149,18 +149,18 @@ def slants(seed: int = 0, angle_deg: float = 30.0) -> World:
 def _pepper(vary: _Variation, x_cm: float, z_cm: float) -> Group:
     """A bell pepper lying on its side: four lobes and a stalk."""
     skin = vary.paint((216, 150, 26), gloss=0.3)
-    heading = math.radians(25.0 + vary.aside(20.0)) * vary.sign()
-    long, thick = vary.size(5.0), vary.size(2.7)
+    heading = math.radians(10.0 + vary.aside(8.0)) * vary.sign()
+    long, thick = vary.size(4.6), vary.size(2.2)
     c, s = math.cos(heading), math.sin(heading)
     pieces = []
-    for aside, up, part in ((0.0, 0.0, 1.0), (1.5, 0.7, 0.94), (-1.5, 0.5, 0.9), (0.0, 1.8, 0.92)):
+    for aside, up, part in ((0.0, 0.0, 1.0), (1.1, 0.6, 0.94), (-1.1, 0.4, 0.9), (0.0, 1.4, 0.92)):
         radii = (long * part, thick * part, thick * part)
         place = (x_cm - s * aside, z_cm + c * aside)
         pieces.append(Ellipsoid("skin", *place, radii, -heading, skin, up, math.radians(4.0)))
     end = long * 0.95
     stalk = vary.paint((150, 128, 34))
     pieces.append(
-        Ellipsoid("stalk", x_cm + c * end, z_cm + s * end, (1.5, 0.5, 0.5), -heading, stalk, 3.2, 0.5)
+        Ellipsoid("stalk", x_cm + c * end, z_cm + s * end, (1.5, 0.5, 0.5), -heading, stalk, 2.7, 0.5)
     )
     return Group("pepper", tuple(pieces))
 
