@@ -5,11 +5,24 @@ from __future__ import annotations
 from urllib.parse import parse_qsl
 
 from host.errors import UsageError
+from host.sim.experiment_scenes import experiment_1, experiment_2, experiment_3, slants
+from host.sim.tabletop_scenes import tabletop
 from host.sim.world import World, boxes, room
 
-SCENES = {"room": room, "boxes": boxes}
-PARAMETERS = {"room": ("seed", "objects"), "boxes": ("seed",)}
-HIGHEST = {"seed": 2**31 - 1, "objects": 30}
+SCENES = {
+    "room": room,
+    "boxes": boxes,
+    "tabletop": tabletop,
+    "experiment_1": experiment_1,
+    "experiment_2": experiment_2,
+    "experiment_3": experiment_3,
+    "slants": slants,
+}
+PARAMETERS = {name: ("seed",) for name in SCENES} | {
+    "room": ("seed", "objects"),
+    "slants": ("seed", "angle_deg"),
+}
+HIGHEST = {"seed": 2**31 - 1, "objects": 30, "angle_deg": 60}
 
 
 def world_from_uri(uri: str) -> World:
