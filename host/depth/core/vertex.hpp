@@ -12,9 +12,9 @@
 // where too little is explained there is no depth.
 #pragma once
 
-#include <cstddef>
 #include <cstdint>
 #include <set>
+#include <utility>
 #include <vector>
 
 #include "answer.hpp"
@@ -28,7 +28,7 @@ struct VertexConfig {
     int history = 12;                // frames kept
     double noise_px = 0.1;           // a vertex is never taken to be better than this beforehand
     double default_sigma_px = 0.5;   // of a vertex that does not know its own
-    double model_share = 0.02;       // model error of a region's mean against its corners
+    double model_share = 0.005;      // model error of a region's mean even on a flat face
     double min_step_cm = 0.3;        // a frame nearer than this to the last one kept is not kept
     double max_relative_sigma = 0.3; // a depth worse than this is declined
 };
@@ -47,7 +47,8 @@ class VertexMethod {
     // Takes in the vertices of a frame, and says where they are.
     VertexDepths update(const FrameView& frame, const Path& path, int present);
 
-    // Depth of a region, averaged over its surface, from its own corners: a plane where there are enough.
+    // Depth of a region, averaged over its surface, from the plane through its own corners; the sensitivity
+    // is their mean. The region's `corners` name the points of its outer loop, one each.
     //
     // found: what `update` said of the same frame
     // own_share: share of the region's outline that is not the outline of something nearer
@@ -70,7 +71,8 @@ class VertexMethod {
 
     Camera camera_;
     VertexConfig config_;
-    std::vector<Kept> kept_;  // oldest first
+    std::vector<Kept> kept_;                              // oldest first
+    std::vector<std::pair<std::int64_t, int>> row_of_id_; // of the present frame, by id
 };
 
 }  // namespace depth
