@@ -1,6 +1,7 @@
 """Writes what a camera sees on a way through a simulated world as a sequence folder with its truth.
 
-python -m host.sim.export FOLDER [--camera URI] [--frames N] [--step CM] [--turn DEGREES] [--ideal]
+python -m host.sim.export FOLDER [--camera URI] [--frames N] [--step CM] [--turn DEGREES] [--shake DEGREES]
+                                 [--encoder CM] [--move THING=CM] [--ideal]
 """
 
 from __future__ import annotations
@@ -8,7 +9,7 @@ from __future__ import annotations
 import argparse
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NoReturn
@@ -20,6 +21,7 @@ from host.pose import Pose
 from host.record.sequence import write_sequence
 from host.sim.render import IDEAL, Renderer, TrueFrame, Webcam, WebcamModel
 from host.sim.scenes import world_from_uri
+from host.sim.things import moved
 from host.sim.world import World
 
 PERIOD_S = 0.1  # between frames
@@ -27,47 +29,92 @@ PERIOD_S = 0.1  # between frames
 
 @dataclass(frozen=True)
 class Way:
-    """Poses at equal steps, turning evenly."""
+    """Poses at equal steps, turning evenly; the first is the world's origin."""
 
     frames: int = 11
     step_cm: float = 1.0  # along the heading
     turn_rad: float = 0.0  # between frames, to the right
+    shake_rad: float = 0.0  # greatest pitch and yaw of the camera; the first frame is taken at rest
+    encoder_cm: float = 0.0  # travel between two counts of the wheels; 0 for an odometer without steps
 
-    def poses(self) -> Iterator[Pose]:
-        """One a frame; the first is the world's origin."""
+    def poses(self, seed: int = 0) -> Iterator[Pose]:
+        """Where the camera truly is, one pose a frame."""
+        rng = np.random.default_rng((0x5A4E, seed))
+        for k, pose in enumerate(self._planar([self.step_cm] * self.frames)):
+            pitch, yaw = rng.uniform(-self.shake_rad, self.shake_rad, 2) * (k > 0)
+            yield replace(pose, rotation=pose.rotation @ _turned(pitch, yaw)) if self.shake_rad else pose
+
+    def odometry(self, seed: int = 0) -> Iterator[Pose]:
+        """What the robot makes of it: it knows nothing of shaking, and of travel what the wheels count.
+
+        The first count comes anywhere within the first `encoder_cm`. Sigmas state how far to trust it.
+        """
+        counted = np.arange(self.frames + 1) * self.step_cm
+        if self.encoder_cm:
+            phase = np.random.default_rng((0xE2C0, seed)).random()
+            counted = self.encoder_cm * np.floor(counted / self.encoder_cm + phase)
+        doubts = {
+            "sigma_z_cm": self.encoder_cm / math.sqrt(12.0),
+            "sigma_rot_rad": self.shake_rad / math.sqrt(3.0),
+        }
+        for pose in self._planar(np.diff(counted)):
+            yield replace(pose, **doubts)
+
+    def _planar(self, steps_cm: Iterable[float]) -> Iterator[Pose]:
         x = z = heading = 0.0
-        for k in range(self.frames):
+        for k, step_cm in enumerate(steps_cm):
             yield Pose.planar(x, z, heading, t_s=k * PERIOD_S)
             middle = heading + self.turn_rad / 2
-            x, z = x + self.step_cm * math.sin(middle), z + self.step_cm * math.cos(middle)
+            x, z = x + step_cm * math.sin(middle), z + step_cm * math.cos(middle)
             heading += self.turn_rad
 
 
-def export(folder: Path, world: World, way: Way, model: WebcamModel) -> None:
-    """Write frames, poses, lens and ``truth/`` (truth.json, ids.npz, depth.npz).
+@dataclass(frozen=True)
+class Mover:
+    """A thing that does not stand still."""
+
+    name: str
+    right_cm: float  # between frames, along the world's x
+
+    def world_at(self, world: World, frame: int) -> World:
+        """The world when the frame is taken."""
+        things = tuple(
+            moved(thing, frame * self.right_cm, 0.0) if thing.name == self.name else thing
+            for thing in world.things
+        )
+        return replace(world, things=things)
+
+
+def export(folder: Path, world: World, way: Way, model: WebcamModel, mover: Mover | None = None) -> None:
+    """Write frames, odometry, lens and ``truth/`` (truth.json, ids.npz, depth.npz).
 
     Raises
     ------
     UsageError
-        where the folder has something in it already or cannot be written.
+        where the folder has something in it already or cannot be written, or the world has no such mover.
     """
-    renderer = Renderer(world)
+    if mover and mover.name not in {thing.name for thing in world.things}:
+        known = ", ".join(thing.name for thing in world.things)
+        raise UsageError(f"nothing called {mover.name!r} to move in {world.name}; there are {known}")
     webcam = Webcam(model, world.lens, world.seed)
-    poses = list(way.poses())
+    poses = list(way.poses(world.seed))
+    worlds = [mover.world_at(world, k) if mover else world for k in range(way.frames)]
+    renderers = [Renderer(each) for each in worlds]
 
     def pictures() -> Iterator[tuple[np.ndarray, Pose]]:
-        for seq, pose in enumerate(poses):
-            yield webcam.take(renderer.light(pose, model.psf_px), pose.t_s, seq), pose
+        for seq, said in enumerate(way.odometry(world.seed)):
+            light = renderers[seq].light(poses[seq], model.psf_px)
+            yield webcam.take(light, said.t_s, seq), said
 
     write_sequence(folder, world.lens, pictures())
-    truths = [renderer.truth(pose) for pose in poses]
-    alone = [Renderer(replace(world, things=(thing,))) for thing in world.things]
+    truths = [renderer.truth(pose) for renderer, pose in zip(renderers, poses, strict=True)]
     frames = [
-        _frame_truth(k, renderer, truth, pose, _full_areas(renderer, alone, pose))
-        for k, (pose, truth) in enumerate(zip(poses, truths, strict=True))
+        _frame_truth(k, renderers[k], truths[k], poses[k], _full_areas(worlds[k], renderers[k], poses[k]))
+        for k in range(way.frames)
     ]
+    scene = _scene_truth(renderers[0], mover.name if mover else None)
     (folder / "truth").mkdir()
-    (folder / "truth" / "truth.json").write_text(json.dumps({**_scene_truth(renderer), "frames": frames}))
+    (folder / "truth" / "truth.json").write_text(json.dumps({**scene, "frames": frames}))
     np.savez_compressed(folder / "truth" / "depth.npz", depth=np.stack([t.depth_cm for t in truths]))
     np.savez_compressed(
         folder / "truth" / "ids.npz",
@@ -76,13 +123,20 @@ def export(folder: Path, world: World, way: Way, model: WebcamModel) -> None:
     )
 
 
-def _scene_truth(renderer: Renderer) -> dict[str, Any]:
+def _turned(pitch_rad: float, yaw_rad: float) -> np.ndarray:
+    """(3, 3) of a camera that looks up by a pitch, then to the right by a yaw."""
+    c, s = math.cos(pitch_rad), math.sin(pitch_rad)
+    up = np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
+    return Pose.planar(0.0, 0.0, yaw_rad).rotation @ up
+
+
+def _scene_truth(renderer: Renderer, mover: str | None) -> dict[str, Any]:
     objects = [
         {
             "id": object_id,
             "name": name,
             "background": object_id in renderer.background_ids,
-            "moving": False,
+            "moving": name == mover,
             "parts": [part.id for part in renderer.parts if part.object_id == object_id],
         }
         for object_id, name in renderer.object_names.items()
@@ -94,8 +148,9 @@ def _scene_truth(renderer: Renderer) -> dict[str, Any]:
     return {"objects": objects, "parts": parts}
 
 
-def _full_areas(renderer: Renderer, alone: list[Renderer], pose: Pose) -> np.ndarray:
+def _full_areas(world: World, renderer: Renderer, pose: Pose) -> np.ndarray:
     """Area of every part as if its object stood alone in the room, by part id."""
+    alone = [Renderer(replace(world, things=(thing,))) for thing in world.things]
     room_parts = sum(part.object_id in renderer.background_ids for part in renderer.parts)
     areas = [single.truth(pose).part_area_px[room_parts + 1 :] for single in alone]
     return np.concatenate([np.full(room_parts + 1, np.nan), *areas])
@@ -108,14 +163,13 @@ def _frame_truth(
     parts: dict[str, Any] = {}
     for object_id in renderer.object_names:
         own = [part for part in renderer.parts if part.object_id == object_id]
-        ids = [part.id for part in own]
-        area = float(truth.part_area_px[ids].sum())
+        area = float(truth.object_area_px[object_id])
         if area == 0.0:
             continue
         objects[str(object_id)] = _surface_truth(
             area,
-            float(truth.part_area_px[ids] @ truth.part_mean_z_cm[ids]) / area,
-            float(full_area[ids].sum()),
+            float(truth.object_mean_z_cm[object_id]),
+            float(full_area[[part.id for part in own]].sum()),
             truth.object_id == object_id,
         )
         for part in own:
@@ -126,7 +180,8 @@ def _frame_truth(
                     float(full_area[part.id]),
                     truth.part_id == part.id,
                 ) | _corners(renderer, part.corners_cm, pose)
-    return {"i": number, "objects": objects, "parts": parts}
+    camera = {"position_cm": pose.position_cm.tolist(), "rotation": pose.rotation.tolist()}
+    return {"i": number, "camera": camera, "objects": objects, "parts": parts}
 
 
 def _surface_truth(area: float, z_mean: float, full_area: float, mask: np.ndarray) -> dict[str, Any]:
@@ -150,6 +205,14 @@ class _Parser(argparse.ArgumentParser):
         raise UsageError(f"{message}; see --help")
 
 
+def _mover(text: str) -> Mover:
+    name, _, step = text.partition("=")
+    try:
+        return Mover(name, float(step))
+    except ValueError:
+        raise UsageError(f"--move {text!r}: give a thing and its step in cm, like ball_1=0.5") from None
+
+
 def main() -> None:
     """The command."""
     parser = _Parser(
@@ -160,12 +223,31 @@ def main() -> None:
     parser.add_argument("--frames", type=int, default=11, help="how many (default: %(default)s)")
     parser.add_argument("--step", type=float, default=1.0, help="cm between frames (default: %(default)s)")
     parser.add_argument("--turn", type=float, default=0.0, help="degrees between frames, to the right")
+    parser.add_argument(
+        "--shake", type=float, default=0.0, metavar="DEGREES", help="pitch and yaw of the camera, at most"
+    )
+    parser.add_argument(
+        "--encoder", type=float, default=0.0, metavar="CM", help="odometry in whole counts of this travel"
+    )
+    parser.add_argument(
+        "--move", type=_mover, metavar="THING=CM", help="a thing that moves to the right between frames"
+    )
     parser.add_argument("--ideal", action="store_true", help="no blur, noise or JPEG")
     options = parser.parse_args()
     if options.frames < 1:
         raise UsageError(f"--frames must be at least 1, not {options.frames}")
-    way = Way(options.frames, options.step, math.radians(options.turn))
-    export(options.folder, world_from_uri(options.camera), way, IDEAL if options.ideal else WebcamModel())
+    for name in ("shake", "encoder"):
+        if not 0.0 <= getattr(options, name) < math.inf:
+            raise UsageError(f"--{name} must be 0 or more, not {getattr(options, name)}")
+    way = Way(
+        options.frames,
+        options.step,
+        math.radians(options.turn),
+        shake_rad=math.radians(options.shake),
+        encoder_cm=options.encoder,
+    )
+    model = IDEAL if options.ideal else WebcamModel()
+    export(options.folder, world_from_uri(options.camera), way, model, options.move)
 
 
 if __name__ == "__main__":
