@@ -16,7 +16,7 @@ from host.pose import Pose
 from host.sim import _render
 from host.sim.render import IDEAL, SCREEN, Renderer, Webcam, WebcamModel, linear_of
 from host.sim.scenes import world_from_uri
-from host.sim.things import Ball, Box, Cylinder, Material
+from host.sim.things import Ball, Board, Box, Cone, Cylinder, Ellipsoid, Group, Material
 from host.sim.world import World, boxes, room
 
 SIZE = 64
@@ -151,6 +151,92 @@ def test_circles_of_balls_have_the_area_of_their_ellipses():
     assert picture_of(scene).sum() == pytest.approx(math.pi * half_x * half_y * FOCAL**2, abs=0.15)
 
 
+def random_rotation(rng: np.random.Generator) -> np.ndarray:
+    q, _ = np.linalg.qr(rng.standard_normal((3, 3)))
+    return q
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_ellipsoids_however_turned_have_the_area_of_their_outline(seed):
+    rng = np.random.default_rng(seed)
+    centre = np.array([*rng.uniform(-8, 8, 2), rng.uniform(70, 110)])
+    axes = rng.uniform(4.0, 11.0, 3)[:, None] * random_rotation(rng)
+    scene = lit_scene()
+    u, v, w = (tuple(axis) for axis in axes)
+    scene.ellipsoid(tuple(centre), u, v, w, object=1, part=1, material=WHITE)
+    # the outline's dual conic is that of the quadric, seen from the origin
+    conic = np.linalg.inv(axes.T @ axes - np.outer(centre, centre))
+    exact = math.pi * abs(np.linalg.det(conic)) / np.linalg.det(conic[:2, :2]) ** 1.5 * FOCAL**2
+    assert picture_of(scene).sum() == pytest.approx(exact, abs=0.15)
+
+
+def hull_area(points: np.ndarray) -> float:
+    return cv2.contourArea(cv2.convexHull(points.astype(np.float32)))
+
+
+@pytest.mark.parametrize(
+    ("radius", "top_radius"), [(6.0, 9.0), (9.0, 4.0), (8.0, 0.0), (3.0, 12.0), (5.0, 5.0)]
+)
+def test_cones_with_their_lids_have_the_area_of_the_hull_of_their_rims(radius, top_radius):
+    around = np.linspace(0, 2 * math.pi, 40_000)
+    for base_y in (9.0, 22.0):  # seen from the side and from above
+        scene = lit_scene()
+        base, height = (3.0, base_y, 90.0), 14.0
+        scene.cone(base, radius, top_radius, height, object=1, part=1, material=WHITE)
+        rims = []
+        for r, y in ((radius, base_y), (top_radius, base_y - height)):
+            rims.append([3.0 + r * np.cos(around), np.full(len(around), y), 90.0 + r * np.sin(around)])
+        if top_radius > 0:
+            scene.disc((3.0, base_y - height, 90.0), top_radius, object=1, part=2, material=WHITE)
+        x, y, z = np.concatenate(rims, axis=1)
+        exact = hull_area(FOCAL * np.column_stack([x / z, y / z]))
+        assert picture_of(scene).sum() == pytest.approx(exact, abs=0.2)
+
+
+def test_the_mean_depth_of_round_things_is_that_of_their_visible_surface():
+    """Against ten thousand rays a pixel, each met with the surface by its equation."""
+    world = replace(
+        boxes(),
+        things=(
+            Ball("ball", -12.0, 70.0, 5.0, Material((200, 40, 40))),
+            Cone("pot", 12.0, 80.0, 3.0, 5.5, 9.0, Material((200, 40, 40))),
+        ),
+    )
+    renderer, floor, f = Renderer(world), world.camera_height_cm, world.lens.fx
+    truth = renderer.truth(HERE)
+    x, y = np.meshgrid(np.arange(-110.0, 110.0, 0.02) / f, np.arange(-20.0, 80.0, 0.02) / f)
+
+    centre = np.array([-12.0, floor - 5.0, 70.0])
+    a, b, c = x * x + y * y + 1, centre[0] * x + centre[1] * y + centre[2], centre @ centre - 25.0
+    hit = b * b > a * c
+    ball_z = (b - np.sqrt(np.where(hit, b * b - a * c, 0.0)))[hit] / a[hit]
+
+    slope = 2.5 / 9.0  # of the radius by the height: r = 3 + slope * (floor - y)
+    widest = 3.0 + slope * floor
+    a, b = x * x + 1 - (slope * y) ** 2, -12.0 * x - 80.0 + slope * y * widest
+    c = 12.0**2 + 80.0**2 - widest**2
+    z = (-b - np.sqrt(np.maximum(b * b - a * c, 0.0))) / a
+    up = floor - z * y
+    pot_z = z[(b * b > a * c) & (up > 0) & (up < 9.0)]  # the camera is below its rim, which hides the lid
+
+    for part, depths in (("ball/surface", ball_z), ("pot/side", pot_z)):
+        number = next(p.id for p in renderer.parts if p.name == part)
+        assert truth.part_area_px[number] == pytest.approx(len(depths) * 0.02**2, abs=0.15)
+        assert truth.part_mean_z_cm[number] == pytest.approx(depths.mean(), rel=3e-5)
+
+
+def test_an_objects_truth_is_that_of_its_parts_together():
+    renderer = Renderer(room(4))
+    truth = renderer.truth(HERE)
+    for object_id in renderer.object_names:
+        ids = [part.id for part in renderer.parts if part.object_id == object_id]
+        area = truth.part_area_px[ids].sum()
+        assert truth.object_area_px[object_id] == pytest.approx(area)
+        if area > 0:
+            mean = truth.part_area_px[ids] @ truth.part_mean_z_cm[ids] / area
+            assert truth.object_mean_z_cm[object_id] == pytest.approx(mean)
+
+
 def test_front_faces_of_the_papers_boxes_have_the_area_of_table_1():
     renderer = Renderer(boxes())
     for dz in (0.0, 3.7, 10.0):
@@ -185,12 +271,34 @@ def test_the_parts_of_a_picture_add_up_to_it():
 # --- Depth and ids ---------------------------------------------------------------------------------
 
 
-def test_depth_is_exact_on_faces_cylinders_and_balls_from_any_pose():
+def off_egg(right: np.ndarray, up: np.ndarray, ahead: np.ndarray) -> np.ndarray:
+    """Distance in cm, nearly, from the ellipsoid below, turned by 0.7 and then rolled by 0.4."""
+    c, s = math.cos(0.7), math.sin(0.7)
+    right, ahead = c * right - s * ahead, s * right + c * ahead
+    c, s = math.cos(0.4), math.sin(0.4)
+    up = up - math.hypot(8.0 * s, 5.0 * c)
+    right, up = c * right + s * up, c * up - s * right
+    return 6.0 * np.abs(np.sqrt((right / 8.0) ** 2 + (up / 5.0) ** 2 + (ahead / 6.0) ** 2) - 1.0)
+
+
+def off_board(right: np.ndarray, up: np.ndarray, ahead: np.ndarray) -> np.ndarray:
+    """Distance in cm from the board below, or 99 beyond its edges."""
+    c, s = math.cos(0.4), math.sin(0.4)
+    across, ahead = c * right - s * ahead, s * right + c * ahead
+    along, off = math.cos(0.6) * up + math.sin(0.6) * ahead, math.cos(0.6) * ahead - math.sin(0.6) * up
+    inside = (np.abs(across) < 11.001) & (along > -0.001) & (along < 26.001)
+    return np.where(inside, np.abs(off), 99.0)
+
+
+def test_depth_is_exact_on_every_shape_from_any_pose():
     material = Material((200, 40, 40))
     things = (
         Box("box", -20.0, 80.0, 18.0, 14.0, 20.0, 0.5, material),
         Cylinder("cylinder", 14.0, 90.0, 8.0, 24.0, material),
         Ball("ball", 0.0, 60.0, 7.0, material),
+        Ellipsoid("egg", 32.0, 75.0, (8.0, 5.0, 6.0), 0.7, material, base_cm=3.0, roll_rad=0.4),
+        Cone("pot", -34.0, 105.0, 5.0, 9.0, 12.0, material, base_cm=14.0),
+        Board("board", 2.0, 120.0, 22.0, 26.0, 0.4, material, base_cm=2.0, lean_rad=0.6),
     )
     world = replace(room(0, objects=0), things=things)
     renderer = Renderer(world)
@@ -198,6 +306,7 @@ def test_depth_is_exact_on_faces_cylinders_and_balls_from_any_pose():
     columns, rows = np.meshgrid(np.arange(lens.width), np.arange(lens.height))
     rays = np.dstack([(columns - lens.cx) / lens.fx, (rows - lens.cy) / lens.fy, np.ones(columns.shape)])
     floor_y = world.camera_height_cm
+    counted: dict[str, int] = {}
     for pose in (HERE, Pose.planar(6.0, 12.0, 0.15), Pose.planar(-15.0, -8.0, -0.2)):
         truth = renderer.truth(pose)
         points = (rays * truth.depth_cm[:, :, None]) @ pose.rotation.T + pose.position_cm
@@ -211,12 +320,19 @@ def test_depth_is_exact_on_faces_cylinders_and_balls_from_any_pose():
             ),
             "cylinder": np.minimum(np.abs(np.hypot(x - 14, z - 90) - 8), np.abs(y - floor_y + 24)),
             "ball": np.abs(np.sqrt(x**2 + (y - floor_y + 7) ** 2 + (z - 60) ** 2) - 7),
+            "egg": off_egg(x - 32, floor_y - y - 3, z - 75),
+            "pot": np.minimum(
+                np.abs(np.hypot(x + 34, z - 105) - (5 + 4 / 12 * (floor_y - y - 14))),
+                np.abs(floor_y - y - 26),
+            ),
+            "board": off_board(x - 2, floor_y - y - 2, z - 120),
         }
         for object_id, name in renderer.object_names.items():
             seen = truth.object_id == object_id
             if name in off_surface:
-                assert seen.sum() > 200
-                assert off_surface[name][seen].max() < 1e-4  # depth is kept as float32
+                counted[name] = counted.get(name, 0) + int(seen.sum())
+                assert (off_surface[name][seen] < 1e-4).all()  # depth is kept as float32
+    assert len(counted) == 7 and min(counted.values()) > 400
 
 
 def test_every_part_belongs_to_the_object_seen_at_its_pixels():
@@ -225,6 +341,69 @@ def test_every_part_belongs_to_the_object_seen_at_its_pixels():
     owner = np.array([0, *(part.object_id for part in renderer.parts)])
     assert (owner[truth.part_id] == truth.object_id).all()
     assert renderer.background_ids == {1, 2, 3, 4, 5, 6}
+
+
+def test_shapes_of_one_name_in_a_group_are_one_part():
+    paint = Material((200, 40, 40))
+    pieces = (
+        Cylinder("body", 0.0, 80.0, 4.0, 10.0, paint),
+        Cone("body", 0.0, 80.0, 4.0, 1.5, 4.0, paint, 10.0),
+        Ball("stopper", 0.0, 80.0, 2.0, paint, 14.0),
+    )
+    renderer = Renderer(replace(room(0, objects=0), things=(Group("bottle", pieces),)))
+    names = [part.name for part in renderer.parts if part.object_id == 7]
+    assert names == ["bottle/body/side", "bottle/body/top", "bottle/stopper/surface"]
+    truth = renderer.truth(HERE)
+    assert truth.object_area_px[7] == pytest.approx(truth.part_area_px[7:].sum())
+    assert (truth.part_area_px[[7, 9]] > 100).all()
+
+
+# --- Distorted lenses ------------------------------------------------------------------------------
+
+
+BENT = Lens(320, 240, 280.0, 285.0, 162.0, 117.0, (-0.28, 0.09, 0.002, -0.0015, -0.01))
+
+
+def test_through_a_distorted_lens_every_pixel_shows_what_lies_on_its_ray():
+    world = replace(room(3, objects=10), lens=BENT)
+    pose = Pose.planar(4.0, 10.0, 0.1)
+    truth = Renderer(world).truth(pose)
+    columns, rows = np.meshgrid(np.arange(320.0), np.arange(240.0))
+    pixels = np.column_stack([columns.ravel(), rows.ravel()])
+    rays = (pixels - (BENT.cx, BENT.cy)) / (BENT.fx, BENT.fy)
+    for _ in range(40):  # OpenCV's own inverse stops at 0.05 px
+        rays += (pixels - BENT.to_pixels(rays)) / (BENT.fx, BENT.fy)
+    points = np.column_stack([rays, np.ones(len(rays))]) * truth.depth_cm.reshape(-1, 1)
+    points = points @ pose.rotation.T + pose.position_cm
+    off_floor = points[:, 1] - world.camera_height_cm
+    off_wall = points[:, 2] - world.room.front_cm
+    owner = truth.object_id.ravel()
+    assert (owner == 1).sum() > 5000 and np.abs(off_floor[owner == 1]).max() < 1e-4
+    assert (owner == 2).sum() > 1000 and np.abs(off_wall[owner == 2]).max() < 1e-4
+    assert truth.part_area_px[1:].sum() == pytest.approx(320 * 240, abs=0.2)
+
+
+def test_faces_through_a_distorted_lens_have_the_area_of_their_bent_outline():
+    world = replace(boxes(), lens=replace(BENT, fx=371.0, fy=371.0))
+    renderer = Renderer(world)
+    truth = renderer.truth(HERE)
+    for part in renderer.parts:
+        if not part.name.endswith("_box/front"):
+            continue
+        edge = np.concatenate([
+            np.linspace(a, b, 500, endpoint=False)
+            for a, b in zip(part.corners_cm, np.roll(part.corners_cm, -1, axis=0), strict=True)
+        ])  # fmt: skip
+        x, y = world.lens.to_pixels(edge[:, :2] / edge[:, 2:]).T
+        exact = 0.5 * abs(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
+        assert truth.part_area_px[part.id] == pytest.approx(exact, abs=0.5)
+
+
+def test_a_lens_that_hardly_distorts_shows_what_one_that_does_not_shows():
+    world = room(2, objects=10)
+    plain = Renderer(world).light(HERE, 0.65)
+    hardly = replace(world, lens=replace(world.lens, distortion=(1e-9, 0.0, 0.0, 0.0, 0.0)))
+    assert np.abs(Renderer(hardly).light(HERE, 0.65) - plain).max() < 0.02
 
 
 # --- Textures --------------------------------------------------------------------------------------

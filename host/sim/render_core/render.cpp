@@ -174,6 +174,7 @@ struct Share {
     int16_t which = nothing;
     int count = 0;       // of the samples
     double x = 0, y = 0; // mean place of its samples in the pinhole's image
+    double inverse_depth = 0; // mean
     std::array<uint16_t, cells * cells> in_cell{};
 };
 
@@ -191,7 +192,8 @@ public:
         shares_.clear();
         if (rivals_.size() == 1 && rivals_[0].whole) {
             Share &all = shares_.emplace_back();
-            all = {rivals_[0].which, samples, place_.x, place_.y, {}};
+            all = {rivals_[0].which, samples, place_.x, place_.y,
+                   seen_[rivals_[0].which].inverse_depth.at(place_.x, place_.y), {}};
             all.in_cell.fill(samples / (cells * cells));
             return shares_;
         }
@@ -210,12 +212,14 @@ public:
             share.count++;
             share.x += x_[i] - place_.x;
             share.y += y_[i] - place_.y;
+            share.inverse_depth += inverse_[i];
             share.in_cell[net.cell[i]]++;
         }
         std::erase_if(shares_, [](const Share &s) { return s.which == nothing || s.count == 0; });
         for (Share &share : shares_) {
             share.x = place_.x + share.x / share.count;
             share.y = place_.y + share.y / share.count;
+            share.inverse_depth /= share.count;
         }
         return shares_;
     }
@@ -320,12 +324,6 @@ struct MixedPixel {
     std::array<Vec3, cells * cells> residual;
 };
 
-Vec3 colour_at(const Scene &scene, const Seen &seen, const View &view, double px, double py)
-{
-    const double inverse = inverse_depth_near(seen, px, py);
-    return inverse > 0.0 ? shade(scene, seen, view, px, py, inverse) : Vec3{};
-}
-
 // Mean colour of a mixed pixel and of its cells.
 Vec3 resolve(const Scene &scene, const View &view, const std::vector<Seen> &seen, const std::vector<Share> &shares,
              MixedPixel &pixel)
@@ -334,7 +332,7 @@ Vec3 resolve(const Scene &scene, const View &view, const std::vector<Seen> &seen
     pixel.residual.fill(Vec3{});
     Vec3 mean;
     for (const Share &share : shares) {
-        const Vec3 colour = colour_at(scene, seen[share.which], view, share.x, share.y);
+        const Vec3 colour = shade(scene, seen[share.which], view, share.x, share.y, share.inverse_depth);
         mean = mean + (static_cast<double>(share.count) / samples) * colour;
         for (int c = 0; c < cells * cells; c++)
             pixel.residual[c] = pixel.residual[c] + (share.in_cell[c] / cell_samples) * colour;
@@ -474,8 +472,7 @@ Truth truth(const Scene &scene, const View &view)
     const auto count = [&](int16_t which, double area, double inverse_depth) {
         const int part = visible.seen[which].surface->part;
         truth.area[part] += area;
-        if (inverse_depth > 0.0)
-            truth.mean_z[part] += area / inverse_depth;
+        truth.mean_z[part] += area / inverse_depth;
     };
     for (int y = 0; y < view.height; y++)
         for (int x = 0; x < view.width; x++) {
@@ -491,8 +488,7 @@ Truth truth(const Scene &scene, const View &view)
                 continue;
             }
             for (const Share &share : sampler.shares(x, y, tiles.at(x, y)))
-                count(share.which, static_cast<double>(share.count) / samples,
-                      inverse_depth_near(visible.seen[share.which], share.x, share.y));
+                count(share.which, static_cast<double>(share.count) / samples, share.inverse_depth);
         }
     double total = 0.0;
     for (int part = 1; part <= parts; part++) {

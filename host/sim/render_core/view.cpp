@@ -61,36 +61,33 @@ bool bound(const Surface &surface, const View &view, const Places &places, Box &
 
 Linear sum(const Linear &a, double k, const Linear &b) { return {a.x + k * b.x, a.y + k * b.y, a.c + k * b.c}; }
 
-// Where a ray enters a solid bounded by the quadratic a t^2 + 2 b t + c = 0, negative inside, as 1/t. A negative
-// discriminant counts as none, or as zero when `force` is set.
-double inverse_of_entry(double a, double b, double c, bool force)
+// Where a ray enters a solid bounded by the quadratic a t^2 + 2 b t + c = 0, negative inside, as 1/t; 0 when it
+// passes by.
+double inverse_of_entry(double a, double b, double c)
 {
-    double discriminant = b * b - a * c;
-    if (discriminant < 0.0) {
-        if (!force)
-            return 0.0;
-        discriminant = 0.0;
-    }
+    const double discriminant = b * b - a * c;
+    if (discriminant < 0.0)
+        return 0.0;
     const double root = std::sqrt(discriminant);
     return b < 0.0 ? (root - b) / c : -a / (root + b); // the same, without cancellation
 }
 
-double curved_at(const Seen &seen, double px, double py, bool force)
+double curved_at(const Seen &seen, double px, double py)
 {
     const Surface &s = *seen.surface;
     const double x = seen.towards[0].at(px, py), y = seen.towards[1].at(px, py), z = seen.towards[2].at(px, py);
     const auto &[from_x, from_y, from_z] = seen.eye;
     if (s.shape == Shape::ellipsoid)
         return in_front(inverse_of_entry(x * x + y * y + z * z, x * from_x + y * from_y + z * from_z,
-                                         from_x * from_x + from_y * from_y + from_z * from_z - 1.0, force));
+                                         from_x * from_x + from_y * from_y + from_z * from_z - 1.0));
     const double widening = (s.top - s.radius) / s.height;
     const double r = widening * y, from_r = s.radius + widening * from_y; // of the cone beside the ray
     const double inverse = inverse_of_entry(x * x + z * z - r * r, x * from_x + z * from_z - r * from_r,
-                                            from_x * from_x + from_z * from_z - from_r * from_r, force);
+                                            from_x * from_x + from_z * from_z - from_r * from_r);
     if (inverse <= 0.0)
         return 0.0;
     const double up = from_y + y / inverse;
-    return force || (up >= 0.0 && up <= s.height) ? in_front(inverse) : 0.0;
+    return up >= 0.0 && up <= s.height ? in_front(inverse) : 0.0;
 }
 
 // Coordinates on the surface's own axes.
@@ -152,13 +149,8 @@ double inverse_depth_at(const Seen &seen, double px, double py)
         return a * a + b * b <= r * r ? inverse : 0.0;
     }
     default:
-        return curved_at(seen, px, py, false);
+        return curved_at(seen, px, py);
     }
-}
-
-double inverse_depth_near(const Seen &seen, double px, double py)
-{
-    return seen.surface->planar() ? in_front(seen.inverse_depth.at(px, py)) : curved_at(seen, px, py, true);
 }
 
 bool may_touch(const Seen &seen, double px, double py)

@@ -79,8 +79,5 @@ inline double quad_inverse_depth(const Seen &seen, double px, double py)
 // The same for any surface.
 double inverse_depth_at(const Seen &seen, double px, double py);
 
-// As above, but a ray that passes by gets the nearest thing to a hit (planes go on beyond their edges).
-double inverse_depth_near(const Seen &seen, double px, double py);
-
 // False when the surface surely shows nowhere in the pixel.
 bool may_touch(const Seen &seen, double px, double py);
