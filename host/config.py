@@ -138,7 +138,7 @@ def read_command_line(kind: type[Options], arguments: list[str] | None = None) -
 def _program() -> str:
     """How the running command was called, for the usage line."""
     module = getattr(sys.modules["__main__"], "__spec__", None)
-    return f"python -m {module.name}" if module else Path(sys.argv[0]).name
+    return f"python -m {module.name.removesuffix('.__main__')}" if module else Path(sys.argv[0]).name
 
 
 def _option_fields(kind: type) -> typing.Iterator[tuple[str, Any, Any]]:
