@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from board_scene import LENS
-from solid_scene import Ball, Block, Eye, Post, Sheet, Thing, board, room
+from solid_scene import PIECE, Ball, Block, Eye, Post, Sheet, Thing, board, room
 
 from host.depth.config import DepthConfig
 from host.depth.estimator import Estimator
@@ -125,13 +126,12 @@ class Run:
         return self.reports[frame].regions[name]
 
     def errors(self, frame: int = -1) -> dict[int, float]:
-        """Relative error of the depth of every region that has one and is the visible part of one thing."""
-        truth = self.eye.truth(self.poses[frame])
-        found = self.reports[frame].regions
+        """Relative error of the depth of every region that has one; not of things seen in several pieces."""
+        truth, found = self.eye.truth(self.poses[frame]), self.reports[frame].regions
         return {
-            k: found[k].depth_cm / z - 1
-            for k, z in truth.items()
-            if k in found and found[k].depth_cm is not None
+            name: depth / z - 1
+            for name, z in truth.items()
+            if name in found and name + PIECE not in found and (depth := found[name].depth_cm) is not None
         }
 
 
@@ -161,3 +161,16 @@ def before_the_wall(run: Run, frame: int = -1) -> np.ndarray:
     """Relative depth errors of all things before the wall, nan where there is no depth."""
     errors = run.errors(frame)
     return np.array([errors.get(t.id, np.nan) for t in run.eye.things if t.id >= FIRST])
+
+
+@cache
+def table_drives() -> tuple[Run, ...]:
+    """Forty drives before as many tables, of other lengths and noise; made once for all tests."""
+    out = []
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        noise_px = float(rng.uniform(0.08, 0.2))
+        path = ahead(int(rng.integers(6, 11)), float(rng.uniform(6, 10)))
+        eye = Eye(table_top(seed), noise_px=noise_px, vertex_noise_px=noise_px, seed=seed)
+        out.append(drive(eye, path))
+    return tuple(out)

@@ -21,6 +21,7 @@ from host.pose import Pose
 from host.rbdn.snapshot import OUTSIDE, Contour, Event, Region, Snapshot, Vertices
 
 FAR = 0  # region id of where no thing is
+PIECE = 1000  # the second piece that is seen of a thing has an id so much higher
 NEAR_CM = 2.0  # nothing nearer than this to the camera's plane is seen
 PROBE_PX = 0.4  # how far beside an outline its two regions are asked for
 ALONG_PX = 2.0  # Gaussian by which noise is smoothed along the outline: it is correlated over 4 px
@@ -283,11 +284,9 @@ class Eye:
         columns, rows = np.arange(0.0, self.lens.width, 2.0), np.arange(0.0, self.lens.height, 2.0)
         grid = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
         z = self._depths(pose, grid)
-        nearest, depth = z.argmin(axis=0), z.min(axis=0)
+        nearest = np.where(np.isfinite(z.min(axis=0)), z.argmin(axis=0), -1)
         return {
-            t.id: float(depth[nearest == k].mean())
-            for k, t in enumerate(self.things)
-            if ((nearest == k) & np.isfinite(depth)).any()
+            t.id: float(z[k][nearest == k].mean()) for k, t in enumerate(self.things) if (nearest == k).any()
         }
 
     def corner_truth(self, pose: Pose) -> dict[int, float]:
@@ -332,7 +331,7 @@ class Eye:
             for rank, (_, i) in enumerate(outer):
                 # what a nearer thing cuts in two is two regions
                 mine = [i, *holes] if rank == 0 else [i]
-                name = region_id + 1000 * rank
+                name = region_id + PIECE * rank
                 pieces.update({part: name for j in mine for part in loops[j]})
                 area = -sum(size[j] for j in mine)
                 drafts.append(_draft(name, area, chains, [loops[j] for j in mine], corners))
