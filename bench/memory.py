@@ -29,16 +29,17 @@ def peak_mb_of_tracking(width: int, height: int) -> float:
 
 
 def _track_files(paths: list[str]) -> float:
-    before_kb = _peak_kb()
+    before_kb = peak_kb()
     net = Net()
     for path in paths:
         image = cv2.imread(path)
         assert image is not None, path
         net.track(image)
-    return (_peak_kb() - before_kb) / 1024
+    return (peak_kb() - before_kb) / 1024
 
 
-def _peak_kb() -> int:
+def peak_kb() -> int:
+    """Most memory that this process ever had, since it was started."""
     # Not getrusage: its peak is inherited from the process that started this one.
     status = Path("/proc/self/status").read_text()
     return next(int(line.split()[1]) for line in status.splitlines() if line.startswith("VmHWM"))
