@@ -125,7 +125,7 @@ def slants(seed: int = 0, angle_deg: float = 30.0) -> World:
             0.0, paint(colours[2]), lean_rad=angle,
         ),
         Board(
-            "mat", vary.aside(3.0), 48.0 + vary.aside(3.0), vary.size(20.0), vary.size(20.0),
+            "mat", vary.aside(3.0), 60.0 + vary.aside(2.0), vary.size(20.0), vary.size(20.0),
             0.0, vary.paint(colours[3]), base_cm=0.02, lean_rad=math.pi / 2,
         ),
         Board(

@@ -32,7 +32,7 @@ def drawn_free(world: World) -> tuple[np.ndarray, float, float]:
             corners = cv2.boxPoints((centre, size, -math.degrees(thing.yaw_rad)))
             cv2.fillPoly(free, [np.round(corners).astype(np.int32)], 0)
         else:
-            cv2.circle(free, [round(c) for c in centre], round(thing.radius_cm), 0, cv2.FILLED)
+            cv2.circle(free, [round(c) for c in centre], round(thing.reach_cm), 0, cv2.FILLED)
     return free, x0, z0
 
 
