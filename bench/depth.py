@@ -40,7 +40,7 @@ from host.errors import run_command
 from host.rbdn import Net, Snapshot
 
 OURS = "net and depth"
-PIXELS = "pixel count, Eq. 16"
+PIXELS = "pixels, Eq. 16"
 METHODS = (OURS, *RIVALS, PIXELS)
 CLOSE = 0.02
 MOST_SHARE = 0.5  # of an object's pixels that must lie in regions with a depth
@@ -216,14 +216,12 @@ def table_of(results: dict[str, dict[str, Row]], memory_mb: dict[str, float], sh
                 *(_cell(found[f"{key}_percent"]) for key in ("median", "p90", "rms")),
                 f"{found['within_2_percent']:.0f}",
                 _cell(theirs / mine if mine and theirs is not None else None),
-                _cell(found["ms_per_frame"]),
-                _cell(memory_mb.get(name)),
+                _cell(found["ms_per_frame"], 1),
+                _cell(memory_mb.get(name), 1),
             )
             scene = ""
         table.add_section()
-    table.caption = (
-        "x ours: the median beside ours; ms: a frame, all objects; MB: peak above what the process had before"
-    )
+    table.caption = "x ours: the median error beside ours; ms: of a frame, for all objects; MB: peak above the process's own"
     return table
 
 
@@ -232,13 +230,13 @@ def advantages_of(results: dict[str, dict[str, Row]]) -> Iterator[str]:
     for scene, rows in results.items():
         better = advantage(rows)
         yield (
-            f"{scene}: {_cell(better['median'])} times more accurate than the best rival by the median, "
-            f"{_cell(better['rms'])} by the rms; the aim is {GOAL:g}"
+            f"{scene}: {_cell(better['median'])} (median) and {_cell(better['rms'])} (rms) times more accurate "
+            f"than the best rival; the aim is {GOAL:g}"
         )
 
 
-def _cell(value: float | None) -> str:
-    return "-" if value is None else f"{value:.2f}"
+def _cell(value: float | None, digits: int = 2) -> str:
+    return "-" if value is None else f"{value:.{digits}f}"
 
 
 def main() -> None:
