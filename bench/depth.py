@@ -221,7 +221,9 @@ def table_of(results: dict[str, dict[str, Row]], memory_mb: dict[str, float], sh
             )
             scene = ""
         table.add_section()
-    table.caption = "x ours: the median error beside ours; ms: of a frame, for all objects; MB: peak above the process's own"
+    table.caption = (
+        "x ours: the median error beside ours; ms: of a frame, all objects; MB: peak of a process of its own"
+    )
     return table
 
 
@@ -230,8 +232,8 @@ def advantages_of(results: dict[str, dict[str, Row]]) -> Iterator[str]:
     for scene, rows in results.items():
         better = advantage(rows)
         yield (
-            f"{scene}: {_cell(better['median'])} (median) and {_cell(better['rms'])} (rms) times more accurate "
-            f"than the best rival; the aim is {GOAL:g}"
+            f"{scene}: {_cell(better['median'])} (median) and {_cell(better['rms'])} (rms) times "
+            f"more accurate than the best rival; the aim is {GOAL:g}"
         )
 
 
