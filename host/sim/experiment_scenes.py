@@ -55,10 +55,10 @@ def experiment_2(seed: int = 0) -> World:
     wide = vary.size(3.65)
     tomato = Ellipsoid(
         "tomato", -12.0 + vary.aside(1.0), 47.0, (wide, 0.84 * wide, wide), 0.0,
-        vary.paint((190, 30, 24), gloss=0.35),
+        vary.paint((190, 30, 24), gloss=0.12),
     )  # fmt: skip
     pepper = _pepper(vary, 16.5 + vary.aside(1.0), 68.5)
-    room = _room(vary, half_width_cm=150.0, front_cm=200.0, height_cm=178.7)
+    room = _room(vary, half_width_cm=150.0, front_cm=120.0, height_cm=178.7)
     world = World("experiment_2", room, (box, tomato, pepper), CAMERA_HEIGHT_CM, LENS, (0.0, 20.0), seed)
     return _at_depths(world, {"box": 92.33, "tomato": 47.0, "pepper": 68.5})
 
@@ -148,7 +148,7 @@ def slants(seed: int = 0, angle_deg: float = 30.0) -> World:
 
 def _pepper(vary: _Variation, x_cm: float, z_cm: float) -> Group:
     """A bell pepper lying on its side: four lobes and a stalk."""
-    skin = vary.paint((216, 150, 26), gloss=0.3)
+    skin = vary.paint((52, 128, 40), gloss=0.1)
     heading = math.radians(10.0 + vary.aside(8.0)) * vary.sign()
     long, thick = vary.size(4.6), vary.size(2.2)
     c, s = math.cos(heading), math.sin(heading)
@@ -158,7 +158,7 @@ def _pepper(vary: _Variation, x_cm: float, z_cm: float) -> Group:
         place = (x_cm - s * aside, z_cm + c * aside)
         pieces.append(Ellipsoid("skin", *place, radii, -heading, skin, up, math.radians(4.0)))
     end = long * 0.95
-    stalk = vary.paint((150, 128, 34))
+    stalk = vary.paint((84, 132, 52))
     pieces.append(
         Ellipsoid("stalk", x_cm + c * end, z_cm + s * end, (1.5, 0.5, 0.5), -heading, stalk, 2.7, 0.5)
     )

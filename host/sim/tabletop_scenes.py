@@ -70,11 +70,11 @@ def _box(rng: np.random.Generator, name: str, rgb: Rgb) -> Thing:
 
 
 def _ball(rng: np.random.Generator, name: str, rgb: Rgb) -> Thing:
-    return Ball(name, 0.0, 0.0, rng.uniform(2.8, 6.5), _painted(rng, rgb, rng.uniform(0, 0.3)))
+    return Ball(name, 0.0, 0.0, rng.uniform(2.8, 6.5), _painted(rng, rgb, rng.uniform(0, 0.15)))
 
 
 def _can(rng: np.random.Generator, name: str, rgb: Rgb) -> Thing:
-    paint = _painted(rng, rgb, rng.uniform(0, 0.3))
+    paint = _painted(rng, rgb, rng.uniform(0, 0.15))
     return Cylinder(name, 0.0, 0.0, rng.uniform(2.8, 5.5), rng.uniform(6, 15), paint)
 
 
@@ -85,7 +85,7 @@ def _cup(rng: np.random.Generator, name: str, rgb: Rgb) -> Thing:
 
 
 def _bottle(rng: np.random.Generator, name: str, rgb: Rgb) -> Thing:
-    paint = _painted(rng, rgb, rng.uniform(0.1, 0.4))
+    paint = _painted(rng, rgb, rng.uniform(0.05, 0.2))
     body, neck = rng.uniform(2.6, 4.2), rng.uniform(0.9, 1.4)
     heights = rng.uniform(8, 13), rng.uniform(2.5, 5), rng.uniform(3, 6)
     bases = 0.0, heights[0], heights[0] + heights[1]
@@ -102,7 +102,7 @@ def _bottle(rng: np.random.Generator, name: str, rgb: Rgb) -> Thing:
 def _fruit(rng: np.random.Generator, name: str, rgb: Rgb) -> Thing:
     across = rng.uniform(2.8, 5.0)
     radii = (across * rng.uniform(1.0, 1.6), across * rng.uniform(0.75, 1.0), across)
-    paint = _painted(rng, rgb, rng.uniform(0.1, 0.4))
+    paint = _painted(rng, rgb, rng.uniform(0.05, 0.2))
     return Ellipsoid(name, 0.0, 0.0, radii, rng.uniform(-1.2, 1.2), paint, roll_rad=rng.uniform(-0.2, 0.2))
 
 
