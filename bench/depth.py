@@ -156,16 +156,16 @@ def _frames(drive: Take) -> Frames:
 # --- Memory ----------------------------------------------------------------------------------------
 
 
-def peak_mb(method: str) -> float:
-    """Peak memory of a fresh process that runs one method over one drive, above what it had before."""
+def peak_mb(method: str, drive: Take) -> float:
+    """Peak memory of a fresh process that runs one method over a drive, above what it had before."""
     with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
-        return pool.submit(_peak_mb_here, method).result()
+        return pool.submit(_peak_mb_here, method, drive).result()
 
 
-def _peak_mb_here(method: str) -> float:
+def _peak_mb_here(method: str, drive: Take) -> float:
     cv2.setNumThreads(1)
-    drive = take(SCENES[0], 0, 0.0)
-    before = _settled_kb()
+    Path("/proc/self/clear_refs").write_text("5")  # sets the peak back: receiving the drive took more
+    before = peak_kb()
     if method == OURS:
         ours(drive)
     else:
@@ -173,12 +173,6 @@ def _peak_mb_here(method: str) -> float:
         for target in drive.targets:
             RIVALS[method](frames, target.first_mask)
     return (peak_kb() - before) / 1024
-
-
-def _settled_kb() -> int:
-    """What the process has now; its peak is set back to that, for rendering took more."""
-    Path("/proc/self/clear_refs").write_text("5")
-    return peak_kb()
 
 
 # --- The tables ------------------------------------------------------------------------------------
@@ -252,7 +246,8 @@ def main() -> None:
     drives = [(scene, seed) for scene in SCENES for seed in range(options.seeds)]
     for scene, seed in progress(drives, "driving", transient=True):
         measure(take(scene, seed, options.shake_deg), results[scene.name])
-    memory_mb = {name: peak_mb(name) for name in (OURS, *RIVALS)}
+    first = take(SCENES[0], 0, options.shake_deg)
+    memory_mb = {name: peak_mb(name, first) for name in (OURS, *RIVALS)}
     update = update_times()
     console = Console(width=110)
     console.print(table_of(results, memory_mb, options.shake_deg))

@@ -16,7 +16,7 @@ from host.sim.render import Renderer, Webcam, WebcamModel
 from host.sim.things import Board, Material
 from host.sim.world import OBJECT_COLOURS, Room, World
 
-LENS = Lens(640, 480, 742.0, 742.0, 319.5, 239.5)
+LENS = Lens(320, 240, 371.0, 371.0, 159.5, 119.5)
 COLUMNS, ROWS = 8, 5
 NEAREST_CM, FARTHEST_CM = 120.0, 240.0
 FRAMES = 24
