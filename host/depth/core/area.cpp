@@ -10,7 +10,8 @@ namespace depth {
 
 namespace {
 
-constexpr double MIN_FACING = 0.5;     // cosine of the angle from the axis beyond which a sight is not turned
+constexpr double MIN_FACING = 0.5;     // cosine of the angle from the way beyond which a sight is not turned
+constexpr double MIN_AHEAD = 0.7;       // cosine between optical axis and travel beyond which areas do not face it
 constexpr double BREAK_SIGMAS = 6.0;   // a sight so far from the line of the others contradicts it
 constexpr int BREAK_FRAMES = 2;        // so many of them in a row begin a new history
 constexpr int FORGET_FRAMES = 30;      // a region not seen for so long has no history
@@ -139,6 +140,13 @@ Strain strain_of(const Line& line, const Values& x, const std::array<Values, 3>&
     return out;
 }
 
+// The smallest rotation that brings a unit direction to the z axis.
+Mat3 turned_to_axis(Vec3 direction) {
+    const Vec3 sine{direction.y, -direction.x, 0.0};
+    const double s = length(sine);
+    return s > 0 ? rotation_by((std::atan2(s, direction.z) / s) * sine) : Mat3{};
+}
+
 }  // namespace
 
 AreaMethod::AreaMethod(const Camera& camera, const AreaConfig& config) : camera_(camera), config_(config) {}
@@ -163,7 +171,16 @@ void AreaMethod::open(const Path& path, int present) {
         kept_.erase(gone);
     }
     moves_.clear();
-    for (const int frame : kept_) moves_.push_back(path.move(frame, present));
+    Vec3 ahead{0.0, 0.0, 1.0};  // direction of travel in the present camera, from the farthest frame
+    double most = 0.0;
+    for (const int frame : kept_) {
+        moves_.push_back(path.move(frame, present));
+        const double way = length(moves_.back().shift_cm);
+        if (way > most) most = way, ahead = (-1 / way) * moves_.back().shift_cm;
+    }
+    if (ahead.z < 0) ahead = -1.0 * ahead;
+    axis_ = most >= config_.min_step_cm && ahead.z > MIN_AHEAD ? turned_to_axis(ahead) : Mat3{};
+    for (Move& move : moves_) move.turn = axis_ * move.turn, move.shift_cm = axis_ * move.shift_cm;
     if (keep_present_) kept_.push_back(present), moves_.emplace_back();
 }
 
@@ -179,7 +196,7 @@ AreaMethod::Sight AreaMethod::measure(const RegionView& region) const {
     return {present_, m, std::max(0.5 * region.sigma_area_px / region.area_px, SMALLEST_SIGMA)};
 }
 
-// Adds a sight as the present camera would have taken it. False where it would not have shown the region.
+// Adds a sight as a camera that looks ahead would have taken it. False where that would not have shown the region.
 bool AreaMethod::add_turned(const Sight& sight, const Move& move) {
     const Moments& m = sight.moments;
     const Mat3& r = move.turn;
@@ -224,7 +241,7 @@ Answer AreaMethod::update(const RegionView& region, const FrameView& frame, cons
         if (add_turned(then, moves_[at]) && std::abs(moves_[at].shift_cm.z) >= std::abs(farthest_.shift_cm.z))
             farthest_ = moves_[at];
     }
-    if (!add_turned(now, Move{})) return decline("too far from the optical axis");
+    if (!add_turned(now, Move{axis_, {}, 0.0, 0.0})) return decline("too far from the direction of travel");
     const std::size_t suspects = static_cast<std::size_t>(history.jumps) + 1;
     const bool enough = sights_.behind_cm.size() >= suspects + 3;
     const Line line =
@@ -247,14 +264,14 @@ Answer AreaMethod::update(const RegionView& region, const FrameView& frame, cons
     if (way < config_.min_step_cm || std::abs(line.slope) * way < config_.min_change * sights_.inverse_size.back())
         return decline(history.why_new);
     if (line.slope < 0) return decline("its area does not grow with the motion");
-    const double depth = line.at(0.0) / line.slope;
-    if (!(depth > 0)) return decline("its area grows too fast for its motion");
+    const double along_way = line.at(0.0) / line.slope;
+    if (!(along_way > 0)) return decline("its area grows too fast for its motion");
     const Strain strain = strain_of(line, sights_.behind_cm, sights_.shape, weights_);
     if (strain.measured > config_.shape_change + 3 * strain.sigma)
         return decline(with_percent("its shape changed by %.0f %% of its growth", strain.measured));
     // the line is uncertain in its height and, about its middle, in its slope
     const double noise =
-        square(line.scale / line.slope / depth) * (1 / line.weight + square(depth + line.mean_x) / line.sxx);
+        square(line.scale / line.slope / along_way) * (1 / line.weight + square(along_way + line.mean_x) / line.sxx);
     const double travel = farthest_.travel_sigma_cm / std::max(std::abs(farthest_.shift_cm.z), 1e-9);
     const double bias = config_.outline_px * outline_length(region.loops) / (2 * region.area_px);
     const Relief relief = relief_of(region.loops.front(), false);
@@ -263,6 +280,9 @@ Answer AreaMethod::update(const RegionView& region, const FrameView& frame, cons
     const double relative = std::sqrt(noise + square(travel) + square(bias) + surface +
                                       square(STRAIN_ERROR) * strain.expected_square());
     if (!(relative < config_.max_relative_sigma)) return decline(with_percent("too uncertain (%.0f %%)", relative));
+    // from the direction of travel to the optical axis, at the middle of the region
+    const Vec3 ray{now.moments.centre.x, now.moments.centre.y, 1.0};
+    const double depth = along_way / (axis_ * ray).z;
     return {depth, relative * depth, 2 * region.area_px / depth, {}};
 }
 

@@ -8,8 +8,10 @@
 // Two frames give Eq. 16; more are a regression whose intercept over slope is the depth. The sensitivity
 // of Eq. 18 is dA/dZ = 2 A / Z.
 //
-// Areas are compared as the present orientation of the camera would show them. Turning the camera changes
-// an area element by 1/L^3 with L = r3 . p, r3 the third row of the turn and p the ray. Over a region
+// Areas are compared, and distances taken, as a camera that looks along the way would have them (the present
+// orientation, where the way does not lead ahead), so that no turn of the camera changes the answer. Turning
+// a camera changes an area element by 1/L^3 with L = r3 . p, r3 the third row of the turn and p the ray.
+// Over a region
 //
 //     mean of 1/L^3 = (1 + 6 var(L)/L0^2) / L0^3 with L0 = L at the centroid,
 //
@@ -79,9 +81,9 @@ class AreaMethod {
         int jumps = 0;         // frames in a row, up to the last, that contradict the line of the others
         const char* why_new;   // why it begins where it does
     };
-    // Sights of the region at hand as the present camera would have taken them, the present one last.
+    // Sights of the region at hand as a camera looking along the way would have taken them, the present one last.
     struct Turned {
-        std::vector<double> behind_cm;     // how far back it was taken, along the present optical axis
+        std::vector<double> behind_cm;     // how far back it was taken
         std::vector<double> inverse_size;  // 1/sqrt(area)
         std::vector<double> sigma;         // of it
         std::array<std::vector<double>, 3> shape;  // second moments xx, yy, xy over the area
@@ -100,7 +102,8 @@ class AreaMethod {
     std::vector<int> kept_;             // frames, oldest first; all histories draw on the same
     int present_ = -1;
     bool keep_present_ = false;
-    std::vector<Move> moves_;           // from each kept frame to the present one
+    Mat3 axis_;                         // from the present camera to one that looks along the way
+    std::vector<Move> moves_;           // from each kept frame to that one
     std::map<std::int64_t, History> histories_;
     Turned sights_;
     std::vector<double> weights_;       // of them

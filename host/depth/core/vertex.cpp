@@ -26,7 +26,9 @@ constexpr double MIN_BEND_RAD = 0.75;   // a polygon on a round outline bends by
 constexpr double ARM_PX = 5.0;
 constexpr int MIN_CORNERS = 3;          // a region's depth from fewer vertices is chance
 constexpr double USUAL_SLANT = 0.5;     // of a region, tangent: beforehand
-constexpr int PLANE_PASSES = 4;
+constexpr int PLANE_PASSES = 5;
+constexpr double FACE_CHI2 = 20.0;      // a slope is believed when so far from zero in units of its variance
+constexpr Relief SLANTED_FACE{0.0, 0.05};
 
 constexpr double NONE = std::numeric_limits<double>::quiet_NaN();
 
@@ -243,7 +245,8 @@ struct Corner {
 // Inverse depth a + b u + c v over a region.
 struct Plane {
     double a = 0.0, b = 0.0, c = 0.0;
-    double variance = 0.0;  // of a
+    double variance = 0.0;    // of a
+    double slant_chi2 = 0.0;  // square of the slope in its sigmas
 
     double at(Vec2 p) const { return a + b * p.x + c * p.y; }
 };
@@ -259,13 +262,16 @@ bool fit_plane(const std::vector<Corner>& corners, Plane& out) {
     };
     out = {median_of([](const Corner& c) { return c.rho; }), 0.0, 0.0, 0.0};
     for (int pass = 0; pass < PLANE_PASSES; ++pass) {
-        const double scatter = 1.4826 * median_of([&](const Corner& c) { return std::abs(c.rho - out.at(c.at)); });
+        // first as if all were well; about the plane they then make, their scatter shows who is not
+        const double scatter =
+            pass == 0 ? 0.0 : 1.4826 * median_of([&](const Corner& c) { return std::abs(c.rho - out.at(c.at)); });
         const double slant = 1 / square(USUAL_SLANT * out.a);
         Normal n{.xx = slant, .yy = slant, .gx = -slant * out.b, .gy = -slant * out.c};
         double chi2 = 0.0, freedom = -3.0;
         for (const Corner& c : corners) {
             const double off = c.rho - out.at(c.at), variance = square(c.sigma) + square(scatter) / 4;
-            const double share = square(std::max(0.0, 1 - square(off / TUKEY) / (square(c.sigma) + square(scatter))));
+            const double miss2 = square(off / TUKEY) / (square(c.sigma) + square(scatter));
+            const double share = pass == 0 ? 1.0 : square(std::max(0.0, 1 - miss2));
             const double w = share / variance;
             n.rr += w;
             n.xr += w * c.at.x;
@@ -284,7 +290,12 @@ bool fit_plane(const std::vector<Corner>& corners, Plane& out) {
         out.b += step[0];
         out.c += step[1];
         out.a += step[2];
-        out.variance *= std::max(1.0, chi2 / std::max(1.0, freedom));
+        const double scale2 = std::max(1.0, chi2 / std::max(1.0, freedom));
+        out.variance *= scale2;
+        // what the corners say of the slope, whatever the height
+        const double xx = n.xx - slant - n.xr * n.xr / n.rr, yy = n.yy - slant - n.yr * n.yr / n.rr;
+        const double xy = n.xy - n.xr * n.yr / n.rr;
+        out.slant_chi2 = (xx * out.b * out.b + 2 * xy * out.b * out.c + yy * out.c * out.c) / scale2;
         if (!(out.a > 0)) return false;
     }
     return true;
@@ -401,7 +412,8 @@ Answer VertexMethod::region(const RegionView& region, const FrameView& frame, co
     const double b = plane.b / focal, c = plane.c / focal;
     const double mean = mean_of_inverse(region.loops, plane.a - b * m.centre.x - c * m.centre.y, b, c);
     const double silhouette = std::isfinite(mean) ? mean : 1 / plane.a;
-    const Relief relief = relief_of(outer, false);
+    // what slants as a face does has no other relief
+    const Relief relief = plane.slant_chi2 > FACE_CHI2 && may_be_one_face(outer) ? SLANTED_FACE : relief_of(outer, false);
     const double width = std::sqrt(m.area) / focal;
     const double relative = std::sqrt(plane.variance / square(plane.a) + square(relief.sigma_k * width) +
                                       square(config_.model_share));
