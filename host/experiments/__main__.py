@@ -68,7 +68,7 @@ def run(options: ExperimentOptions, config: Config) -> None:
     write_whole(options.out / "pictures" / PLOT, errors_plot(outcome.findings))
     write_whole(options.out / "experiments.md", page(outcome).encode())
     if options.json is not None:
-        write_whole(options.json, json.dumps(_figures(outcome), indent=1).encode() + b"\n")
+        write_whole(options.json, json.dumps(_figures(outcome)).encode() + b"\n")
     _print(outcome, options, time.monotonic() - start)
 
 

@@ -64,7 +64,7 @@ def _noisy(times: float) -> WebcamModel:
 
 
 def _board(seed: int, side_cm: float) -> World:
-    """A square board before the camera, its middle 3 cm right of the axis, in the first experiment's room."""
+    """A square board at 85 cm, at the camera's height or on the floor, in the first experiment's room."""
     world = experiment_1(seed)
     paint = Material((36, 84, 170), contrast=0.02, scale_cm=3.0, seed=seed)
     base_cm = world.camera_height_cm - side_cm / 2

@@ -5,14 +5,22 @@ from __future__ import annotations
 import signal
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import get_context
 
+from host.errors import DeviceError
 from host.experiments.findings import RunResult
 from host.experiments.run import Task, run_task
 
 
 def run_all(tasks: Sequence[Task], jobs: int) -> list[RunResult]:
-    """The tasks' results in the tasks' order, which does not depend on `jobs`."""
+    """The tasks' results in the tasks' order, which does not depend on `jobs`.
+
+    Raises
+    ------
+    DeviceError
+        where the system ended a worker, for want of memory as a rule.
+    """
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
 
@@ -28,6 +36,8 @@ def run_all(tasks: Sequence[Task], jobs: int) -> list[RunResult]:
             for done in as_completed(futures):
                 done.result()
                 bar.advance(shown)
+        except BrokenProcessPool as error:
+            raise DeviceError("a worker process was ended from outside: try again with --jobs 1") from error
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             raise

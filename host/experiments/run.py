@@ -110,7 +110,9 @@ def _paper(
     travel, about = scored.travel_cm(k, odometry), task.course.looks[k]
     common = (task.course.name, task.seed, odometry)
     for thing_id, regions in _by_object(first.shown(start.snapshot)).items():
-        thing = first.objects[thing_id]
+        if thing_id not in first.things:
+            continue
+        thing = first.things[thing_id]
         polygon = max(regions, key=lambda shown: shown.pixels).region.id
         found = growth = None
         if polygon in now.areas_px2 and travel > 0:
@@ -147,12 +149,12 @@ def _paper(
 def _exact_areas(scored: _Scored, truth: FrameTruth, k: int) -> Iterator[Finding]:
     """Eq. 16 on the areas truly visible from a camera that does not shake: the limit of the formula."""
     task, travel, about = scored.task, scored.travel_cm(k), scored.task.course.looks[k]
-    for thing_id, thing in scored.first.objects.items():
-        if thing_id not in truth.objects or not (thing.whole and truth.objects[thing_id].whole):
+    for thing_id, thing in scored.first.things.items():
+        if thing_id not in truth.things or not (thing.whole and truth.things[thing_id].whole):
             continue
-        found = _number(area_depth_cm(thing.area_px, truth.objects[thing_id].area_px, travel))
+        found = _number(area_depth_cm(thing.area_px, truth.things[thing_id].area_px, travel))
         for at, true, carried in _both_ends(thing.mean_cm, travel, travel):
-            true = truth.objects[thing_id].mean_cm if at == "last" else true
+            true = truth.things[thing_id].mean_cm if at == "last" else true
             depth = None if found is None else found + carried
             yield Finding(
                 task.course.name, task.seed, "exact", "exact areas", thing.name, about, at, true, depth,
@@ -185,8 +187,8 @@ def _ours(
     travel = task.course.looks[k]
     common = (task.course.name, task.seed, odometry)
     regions = _by_object(truth.shown(snapshot))
-    for thing_id, thing in first.objects.items():
-        if thing_id not in truth.objects:
+    for thing_id, thing in first.things.items():
+        if thing_id not in truth.things:
             continue
         for method in METHODS:
             known = [
@@ -195,10 +197,10 @@ def _ours(
                 if (answer := _answer(report.regions[shown.region.id], method)) is not None
             ]
             pixels = np.array([shown.pixels for shown, *_ in known])
-            enough = pixels.sum() >= MOST_SHARE * truth.objects[thing_id].area_px
+            enough = pixels.sum() >= MOST_SHARE * truth.things[thing_id].area_px
             ends: tuple[tuple[At, float], ...] = (
                 ("first", thing.mean_cm),
-                ("last", truth.objects[thing_id].mean_cm),
+                ("last", truth.things[thing_id].mean_cm),
             )
             for at, true in ends:
                 found = sigma = growth = None

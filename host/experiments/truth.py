@@ -42,22 +42,24 @@ class FrameTruth:
 
     Attributes
     ----------
-    objects : dict[int, ObjectTruth]
-        By object id; the room's own surfaces are among them.
+    things : dict[int, ObjectTruth]
+        By object id; without the room's own surfaces.
     """
 
     def __init__(self, renderer: Renderer, pose: Pose) -> None:
         self._renderer, self._pose = renderer, pose
         self._frame = renderer.truth(pose)
-        self.objects: dict[int, ObjectTruth] = {}
+        self.things: dict[int, ObjectTruth] = {}
         for object_id, name in renderer.object_names.items():
+            if object_id in renderer.background_ids:
+                continue
             ids = [part.id for part in renderer.parts if part.object_id == object_id]
             area = self._frame.part_area_px[ids]
             if area.sum() > 0:
                 mean = float(area @ self._frame.part_mean_z_cm[ids] / area.sum())
                 mask = self._frame.object_id == object_id
                 cut = mask[0].any() or mask[-1].any() or mask[:, 0].any() or mask[:, -1].any()
-                self.objects[object_id] = ObjectTruth(name, float(area.sum()), mean, not cut)
+                self.things[object_id] = ObjectTruth(name, float(area.sum()), mean, not cut)
 
     def shown(self, snapshot: Snapshot) -> list[Shown]:
         """Every region with the object it shows."""
