@@ -103,9 +103,9 @@ more unknown (`host/depth/two_frames.py`): the largest error falls from 306 % to
 The paper's boxes are 85 cm away by their front faces. Ours are judged by the average visible surface of the
 whole box, and its side face lies up to 12 cm deeper: for such a box Eq. 16 is off even on exact areas.
 
-Paper mode does not come near what the paper printed. Between the paper's two colour thresholds lies a dead zone
-in which edges stick; half a pixel of outline is 2 % of such an area, and over 10 cm of 85 that is 7 % of depth.
-The wheels alone would hide it: counts of 0.5 cm at both ends of 10 cm leave 2 % of depth uncertain.
+Paper mode does not come near what the paper printed. Between the paper's two colour thresholds lies a dead
+zone in which edges stick; half a pixel of outline is 2 % of such an area, and over 10 cm of 85 that is 7 % of
+depth. The wheels alone would hide it: counts of 0.5 cm at both ends of 10 cm leave 2 % of depth uncertain.
 
 ### Table 1: X and Y of the corners, run 0
 
