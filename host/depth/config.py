@@ -14,6 +14,7 @@ class DepthConfig:
     rotation_sigma_rad: float = 0.0001  # of the rotation from one frame to the next
     rotation_sigma_share: float = 0.01  # of a rotation itself: calibration of lens and odometry
     timing_sigma_s: float = 0.004  # between a frame and its pose; a rolling shutter counts
+    tracked_sigma_cm: float = 1.0  # of a place where the camera is carried, rolling or rising, not on wheels
     min_step_cm: float = 0.3  # a frame nearer than this to the last one kept adds nothing and is not kept
 
     # when to answer at all
@@ -24,7 +25,6 @@ class DepthConfig:
     area_history: int = 32  # frames kept for each region
     area_shape_change: float = 0.35  # change of shape over change of size beyond which area declines
     area_outline_px: float = 0.1  # by which a whole outline shifts in or out from frame to frame
-    area_model_share: float = 0.03  # model error: regions are not frontal planes
     area_own_share: float = 0.97  # of its outline that must be the region's own
 
     # vertices
@@ -35,10 +35,10 @@ class DepthConfig:
 
     # outline
     keyframes: int = 6  # earlier frames the present outline is compared with
-    outline_points: int = 60  # samples used of each boundary between two regions
+    outline_spacing_px: float = 3.5  # between the samples used of the present outline
     outline_border_px: float = 3.0  # samples nearer to the image border are not used
     outline_noise_px: float = 0.12  # an outline is never taken to be better than this
-    outline_correlation: float = 8.0  # neighbouring samples err alike: variance is so much larger
+    outline_correlation_px: float = 8.0  # outlines err alike over such a length
     outline_model_share: float = 0.003  # model error even on a flat frontal thing
     nearest_cm: float = 12.0  # depths looked for, from
     farthest_cm: float = 2500.0  # and to

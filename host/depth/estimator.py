@@ -1,19 +1,22 @@
-"""The face of the room: one call per frame from the net's snapshot and the pose to depths."""
+"""The face of the room: one call per frame from the net's snapshot and the pose to depths.
+
+The engine is C++ (`core/estimator.cpp`); here arrays go in and reports come out.
+"""
 
 from __future__ import annotations
+
+from dataclasses import asdict, replace
 
 import numpy as np
 
 from host.camera.lens import Lens
-from host.depth.area import AreaMethod
+from host.depth import _depth
 from host.depth.config import DepthConfig
-from host.depth.fuse import Memory, as_region_depth, combine
-from host.depth.motion import Station, first_station, next_station
-from host.depth.outline import OutlineDepth, OutlineMethod
-from host.depth.report import Declined, DepthReport, Estimate
-from host.depth.vertex import VertexMethod
+from host.depth.report import DepthReport, Estimate, RegionDepth, SolvedMotion, VertexDepths
 from host.pose import Pose
-from host.rbdn.snapshot import Region, Snapshot
+from host.rbdn.snapshot import Contour, Snapshot
+
+METHODS = ("area", "vertex", "outline")  # in the engine's order
 
 
 class Estimator:
@@ -27,12 +30,9 @@ class Estimator:
 
     def __init__(self, lens: Lens, config: DepthConfig | None = None) -> None:
         self._lens = lens
-        self._config = config or DepthConfig()
-        self._area = AreaMethod(lens, self._config)
-        self._vertex = VertexMethod(lens, self._config)
-        self._outline = OutlineMethod(lens, self._config)
-        self._memory = Memory(self._config)
-        self._station: Station | None = None
+        self._core = _depth.Estimator(
+            lens.width, lens.height, lens.fx, lens.fy, lens.cx, lens.cy, asdict(config or DepthConfig())
+        )
 
     def update(self, snapshot: Snapshot, pose: Pose) -> DepthReport:
         """Take in one frame.
@@ -40,40 +40,92 @@ class Estimator:
         Parameters
         ----------
         snapshot : the net after the frame
-        pose : where the camera was when the frame was taken
+        pose : where odometry says the camera was when the frame was taken
         """
-        station = (
-            first_station(snapshot.seq, pose, self._config)
-            if self._station is None
-            else next_station(self._station, snapshot.seq, pose, self._config)
+        regions, vertices = snapshot.regions, snapshot.vertices
+        loops = [loop for r in regions for loop in r.loops]
+        points = np.concatenate([*loops, np.zeros((0, 2))])
+        contour = snapshot.contour
+        outline, normals = self._outline(contour)
+        found = self._core.update(
+            np.array([r.id for r in regions], np.int64),
+            np.array([r.area_px for r in regions], float),
+            np.array([r.sigma_area_px for r in regions], float),
+            np.array([r.touches_border for r in regions], bool),
+            np.array([r.mean_rgb for r in regions], float).reshape(-1, 3),
+            self._ideal(points),
+            points,
+            np.concatenate([*(ids for r in regions for ids in r.loop_vertices), np.zeros(0, np.int64)]),
+            np.array([len(loop) for loop in loops], np.int64),
+            np.array([row for row, r in enumerate(regions) for _ in r.loops], np.int64),
+            np.ascontiguousarray(vertices.ids),
+            self._ideal(vertices.xy_px),
+            np.ascontiguousarray(vertices.sigma_px, float),
+            outline,
+            normals,
+            np.ascontiguousarray(contour.left),
+            np.ascontiguousarray(contour.right),
+            np.ascontiguousarray(contour.length_px, float),
+            np.array([i for e in snapshot.events for i in (e.id, e.parent) if i is not None], np.int64),
+            np.ascontiguousarray(pose.rotation, float),
+            np.array([*pose.position_cm, pose.t_s, pose.sigma_z_cm, pose.sigma_rot_rad], float),
         )
-        self._station = station
-        for event in snapshot.events:
-            for changed in (event.id, event.parent):
-                if changed is not None:
-                    self._memory.forget(changed)
-        self._memory.forget_unseen(snapshot.seq)
-        outlines = self._outline.update(snapshot, station)
-        own = outlines.own_share
-        areas = self._area.update(snapshot, station, own)
-        vertices = self._vertex.update(snapshot, station)
-        regions = {}
-        for region in snapshot.regions:
-            outline = outlines.depths[region.id]
-            found = outline if isinstance(outline, OutlineDepth) else None
-            answers: dict[str, Estimate | Declined] = {
-                "area": areas[region.id],
-                "vertex": self._vertex.region(region, snapshot, vertices, own.get(region.id, 1.0)),
-                "outline": outline if isinstance(outline, Declined) else outline.surface,
-            }
-            estimates = {m: a for m, a in answers.items() if isinstance(a, Estimate)}
-            declined = {m: a.reason for m, a in answers.items() if isinstance(a, Declined)}
-            fused = self._memory.update(region.id, combine(estimates), self._middle(region), station)
-            regions[region.id] = as_region_depth(fused, estimates, declined, found)
-        return DepthReport(regions, vertices)
+        rotation, position = found["rotation"], found["position_cm"]
+        motion = SolvedMotion(replace(pose, rotation=rotation, position_cm=position), *found["motion"])
+        depths = VertexDepths(
+            vertices.ids, found["xyz_cm"], found["vertex_sigma_cm"], found["vertex_sensitivity"]
+        )
+        return DepthReport(self._regions(snapshot, found), depths, motion)
 
-    def _middle(self, region: Region) -> np.ndarray:
-        """Ray (3,) towards the middle of the region's outline."""
-        loop = region.loops[0]
-        ray = self._lens.to_rays(0.5 * (loop.min(axis=0) + loop.max(axis=0))[None])[0]
-        return np.array([ray[0], ray[1], 1.0])
+    @staticmethod
+    def _regions(snapshot: Snapshot, found: dict) -> dict[int, RegionDepth]:
+        out = {}
+        rows = zip(
+            snapshot.regions,
+            found["estimates"].tolist(),
+            found["declined"],
+            found["fused"].tolist(),
+            found["methods"],
+            found["notes"],
+            found["silhouette_cm"].tolist(),
+            found["slope"].tolist(),
+            found["slanted"],
+            found["moving"],
+            strict=True,
+        )
+        for region, answers, reasons, fused, method, note, silhouette, slope, slanted, moving in rows:
+            named = list(zip(METHODS, answers, reasons, strict=True))
+            estimates = {m: Estimate(*answer) for m, answer, why in named if not why}
+            declined = {m: why for m, _, why in named if why}
+            if method < 0:
+                why = "; ".join(f"{m}: {reason}" for m, reason in declined.items())
+                out[region.id] = RegionDepth(None, None, None, why, estimates, declined, moving=moving)
+                continue
+            out[region.id] = RegionDepth(
+                fused[0],
+                fused[1],
+                METHODS[method],
+                note or None,
+                estimates,
+                declined,
+                silhouette if "outline" in estimates else None,
+                (slope[0], slope[1]) if slanted else None,
+                moving,
+            )
+        return out
+
+    def _ideal(self, points_px: np.ndarray) -> np.ndarray:
+        """Points (N, 2) as a camera without distortion would have them, same focal lengths and centre."""
+        if not any(self._lens.distortion):
+            return np.ascontiguousarray(points_px, float)
+        return self._lens.to_rays(points_px) * (self._lens.fx, self._lens.fy) + (self._lens.cx, self._lens.cy)
+
+    def _outline(self, contour: Contour) -> tuple[np.ndarray, np.ndarray]:
+        """Outline points and normals without the lens's distortion."""
+        if not any(self._lens.distortion) or len(contour.xy_px) == 0:
+            return np.ascontiguousarray(contour.xy_px, float), np.ascontiguousarray(contour.normal, float)
+        along = np.column_stack([-contour.normal[:, 1], contour.normal[:, 0]])
+        behind, ahead = (self._ideal(contour.xy_px + s * along) for s in (-0.5, 0.5))
+        along = ahead - behind
+        along /= np.linalg.norm(along, axis=1, keepdims=True)
+        return self._ideal(contour.xy_px), np.column_stack([along[:, 1], -along[:, 0]])

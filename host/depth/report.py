@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from host.pose import Pose
+
 
 @dataclass(frozen=True)
 class Estimate:
@@ -13,14 +15,9 @@ class Estimate:
 
     depth_cm: float
     sigma_cm: float
-    sensitivity: float | None = None  # of what is measured, per cm driven: px (vertex, outline), px^2 (area)
-
-
-@dataclass(frozen=True)
-class Declined:
-    """Why a method has no answer."""
-
-    reason: str
+    # what the measured quantity changes by for one cm of travel: px of a vertex (Eq. 13), px^2 of an area
+    # (Eq. 18), px of an outline
+    sensitivity: float | None = None
 
 
 @dataclass(frozen=True)
@@ -35,7 +32,7 @@ class RegionDepth:
     declined: dict[str, str] = field(default_factory=dict)  # reason by method
     silhouette_cm: float | None = None  # where the outline is: behind the surface on round things
     slope: tuple[float, float] | None = None  # d(1/Z)/dx, dy in 1/(cm px), where the outline shows a slant
-    moving: bool = False  # its outline does not fit the robot's own motion
+    moving: bool = False  # its outline moves as nothing that stands still could
 
 
 @dataclass(frozen=True)
@@ -45,6 +42,17 @@ class VertexDepths:
     ids: np.ndarray  # (N,) int64
     xyz_cm: np.ndarray  # (N, 3) float64, nan where the motion supports none
     sigma_cm: np.ndarray  # (N,) float64, of z, nan likewise
+    sensitivity: np.ndarray | None = None  # (N,) float64, px of image motion for one cm of travel (Eq. 13)
+
+
+@dataclass(frozen=True)
+class SolvedMotion:
+    """Where the camera really was, solved from the images on top of odometry."""
+
+    camera: Pose  # the present pose, corrected
+    pitch_rad: float  # the correction: about the camera's x axis
+    yaw_rad: float  # about its y axis
+    travel_cm: float  # along the way
 
 
 @dataclass(frozen=True)
@@ -53,3 +61,4 @@ class DepthReport:
 
     regions: dict[int, RegionDepth]
     vertices: VertexDepths
+    motion: SolvedMotion | None = None

@@ -1,0 +1,109 @@
+#include "fuse.hpp"
+
+#include <cmath>
+
+namespace depth {
+
+namespace {
+constexpr double METHOD_CORRELATION = 0.5;
+constexpr double DISAGREEMENT_SIGMAS = 3.0;
+constexpr int FORGET_FRAMES = 30;  // a region not seen for so long is new when it comes back
+}  // namespace
+
+std::optional<Fused> combine(const std::array<const Answer*, 3>& answers) {
+    const Answer* best = answers[static_cast<std::size_t>(Method::outline)];
+    if (!best->known()) {
+        best = nullptr;
+        for (const Answer* a : answers)
+            if (a->known() && (best == nullptr || a->sigma_cm < best->sigma_cm)) best = a;
+    }
+    if (best == nullptr) return std::nullopt;
+    Fused out;
+    std::array<double, 3> weight{};
+    double sum = 0, most = 0;
+    for (std::size_t m = 0; m < 3; ++m) {
+        const Answer& a = *answers[m];
+        if (!a.known()) continue;
+        if (std::abs(a.depth_cm - best->depth_cm) > DISAGREEMENT_SIGMAS * std::hypot(a.sigma_cm, best->sigma_cm)) {
+            out.note += (out.note.empty() ? "contradicted by " : ", ") + std::string(METHOD_NAMES[m]);
+            continue;
+        }
+        weight[m] = 1 / (a.sigma_cm * a.sigma_cm);
+        sum += weight[m];
+        if (weight[m] > most) most = weight[m], out.method = static_cast<Method>(m);
+    }
+    double variance = 0;
+    for (std::size_t m = 0; m < 3; ++m) {
+        if (!(weight[m] > 0)) continue;
+        out.depth_cm += weight[m] / sum * answers[m]->depth_cm;
+        for (std::size_t q = 0; q < 3; ++q)
+            if (weight[q] > 0)
+                variance += weight[m] * weight[q] / (sum * sum) * answers[m]->sigma_cm * answers[q]->sigma_cm *
+                            (m == q ? 1.0 : METHOD_CORRELATION);
+    }
+    out.sigma_cm = std::sqrt(variance);
+    return out;
+}
+
+void Memory::forget_unseen(int present) {
+    std::erase_if(last_, [&](const auto& entry) { return present - entry.second.frame > FORGET_FRAMES; });
+}
+
+std::set<int> Memory::frames() const {
+    std::set<int> out;
+    for (const auto& [id, r] : last_) out.insert(r.frame);
+    return out;
+}
+
+std::optional<Fused> Memory::predict(std::int64_t id, const Path& path, int present) const {
+    const auto it = last_.find(id);
+    if (it == last_.end()) return std::nullopt;
+    const Remembered& last = it->second;
+    const Move move = path.move(last.frame, present);
+    Fused out = last.fused;
+    out.depth_cm = (move.turn * (last.fused.depth_cm * last.ray) + move.shift_cm).z;
+    if (!(out.depth_cm > 0)) return std::nullopt;
+    const double moved = length(move.shift_cm);
+    const double drift = config_.memory_share_per_cm * moved * out.depth_cm;
+    const double odometry = moved > 0 ? move.travel_sigma_cm : 0.0;
+    out.sigma_cm = std::sqrt(last.fused.sigma_cm * last.fused.sigma_cm + drift * drift + odometry * odometry);
+    out.note.clear();
+    return out;
+}
+
+std::optional<Fused> Memory::update(std::int64_t id, const std::optional<Fused>& measured, Vec3 ray,
+                                    const Path& path, int present) {
+    const std::optional<Fused> before = predict(id, path, present);
+    if (!measured) {
+        if (!before) return std::nullopt;
+        if (before->sigma_cm > config_.max_relative_sigma * before->depth_cm) {
+            forget(id);
+            return std::nullopt;
+        }
+        // the ray and the sigma stay those of the last measurement, so that carrying adds nothing twice
+        Fused out = *before;
+        out.note = "carried on from an earlier frame";
+        return out;
+    }
+    Fused now = *measured;
+    if (before) {
+        if (path.distance_cm(last_.at(id).frame, present) < config_.min_step_cm) {
+            Fused out = *before;  // at rest nothing new is learnt
+            out.note = measured->note;
+            return out;
+        }
+        const double gate = DISAGREEMENT_SIGMAS * std::hypot(before->sigma_cm, now.sigma_cm);
+        if (std::abs(before->depth_cm - now.depth_cm) > gate) {
+            now.note = "differs from its last depth; begun anew";
+        } else {
+            const double a = 1 / (now.sigma_cm * now.sigma_cm), b = 1 / (before->sigma_cm * before->sigma_cm);
+            const double w = a / (a + b);
+            now.depth_cm = w * now.depth_cm + (1 - w) * before->depth_cm;
+            now.sigma_cm = w * now.sigma_cm + (1 - w) * before->sigma_cm;
+        }
+    }
+    last_[id] = {now, ray, present};
+    return now;
+}
+
+}  // namespace depth

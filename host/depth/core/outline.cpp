@@ -1,0 +1,254 @@
+#include "outline.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <string>
+
+#include "ownership.hpp"
+#include "polygon.hpp"
+#include "relief.hpp"
+
+namespace depth {
+
+namespace {
+
+constexpr double GATES_PX[] = {5.0, 3.5, 2.5, 2.5};  // residuals beyond are not used; shrinks as the fit settles
+constexpr std::size_t FREE_CAMERAS_FROM = 1;         // of these rounds the cameras are solved too
+constexpr double MIN_OWN_PX = 20.0;    // of outline that is the region's own
+constexpr double MIN_OWN_SHARE = 0.25; // of its outline within the image
+constexpr double MIN_FOUND = 0.2;      // of its own outline over all kept frames
+constexpr double MIN_CONTRAST = 0.15;  // of a wrong depth's cost above the best
+constexpr double MIN_RIVAL = 0.05;     // of another dip's cost above the best
+constexpr double MIN_SHIFT_PX = 0.3;   // by which the outline must have moved over the image
+constexpr double WHOLE_SHARE = 0.9;    // of its outline that must be its own for the shape to say something
+constexpr double CUT_CHI2 = 12.0;      // a slope of a cut region is believed when so far from zero
+constexpr double FACE_CHI2 = 20.0;     // and of a whole face, which a box with a side face may look like
+constexpr double FACE_SLANT = 0.45;    // tangent of the slant from which a whole face is slanted
+constexpr double PLANE_TILT = 0.2;     // prior: relative change of depth over half a width, in widths over depth
+constexpr double COHERENT = 0.3;        // share of the residuals' scale by which a whole outline errs alike
+constexpr double LOST_SHARE = 0.06;     // relative error of a depth whose outline is hardly found again
+constexpr double CLEARLY_BETTER = 0.03;  // mean cost by which a jerk must explain the outlines better
+constexpr int LOOK_AGAIN_FRAMES = 5;   // after which a region's depth is looked for anew among all depths
+
+double square(double v) { return v * v; }
+
+std::string percent(const char* text, double share) {
+    char out[64];
+    std::snprintf(out, sizeof out, "%s (%.0f %%)", text, 100 * share);
+    return out;
+}
+
+}  // namespace
+
+// What the region looks like and how much of its outline is its own.
+struct OutlineMethod::Shape {
+    double length_px = 0.0;  // outline between regions
+    double own = 0.0;        // share of it that is the region's own
+    Vec2 middle;
+    double travel_sigma = 0.0;  // relative error of the ways its depth comes from, beyond what is solved
+};
+
+OutlineMethod::OutlineMethod(const Camera& camera, const OutlineConfig& config) : camera_(camera), config_(config) {}
+
+std::vector<OutlineAnswer> OutlineMethod::update(const FrameView& frame, Path& path, int present, EgoMotion& ego,
+                                                 const std::optional<EgoMotion::Jerk>& jerk,
+                                                 const std::vector<double>& expected) {
+    std::vector<OutlineAnswer> out = answers(frame, path, present, ego, jerk, expected);
+    if (keyframes_.empty() || path.distance_cm(keyframes_.back().frame, present) >= config_.min_step_cm) {
+        Keyframe now;
+        if (keyframes_.size() == config_.keyframes) {
+            std::vector<int> kept;
+            for (const Keyframe& k : keyframes_) kept.push_back(k.frame);
+            const auto gone = static_cast<std::ptrdiff_t>(most_redundant(path, kept, present));
+            now = std::move(keyframes_[static_cast<std::size_t>(gone)]);  // its memory is used again
+            keyframes_.erase(keyframes_.begin() + gone);
+        }
+        now.frame = present;
+        now.map.file(frame, camera_, config_.border_px);
+        now.faces = faces_of(frame);
+        keyframes_.push_back(std::move(now));
+    }
+    return out;
+}
+
+std::set<int> OutlineMethod::frames() const {
+    std::set<int> out;
+    for (const Keyframe& k : keyframes_) out.insert(k.frame);
+    return out;
+}
+
+std::vector<OutlineAnswer> OutlineMethod::answers(const FrameView& frame, Path& path, int present, EgoMotion& ego,
+                                                  const std::optional<EgoMotion::Jerk>& jerk,
+                                                  const std::vector<double>& expected) {
+    const std::size_t n = frame.regions.size();
+    const auto none = [&](const char* why) {
+        OutlineAnswer all;
+        all.surface = decline(why);
+        return std::vector<OutlineAnswer>(n, all);
+    };
+    bool moved = false;
+    std::vector<const Keyframe*> then;
+    std::vector<int> frames{present};
+    for (const Keyframe& k : keyframes_) {
+        moved = moved || path.distance_cm(k.frame, present) >= config_.min_step_cm;
+        then.push_back(&k), frames.push_back(k.frame);
+    }
+    if (!moved) return none("no motion yet");
+    std::vector<Vec2> middle;
+    std::vector<Extent> extents;
+    for (const RegionView& r : frame.regions) {
+        middle.push_back(polygon_moments(r.loops).centre);
+        extents.push_back({outline_length(r.loops), r.touches_border});
+    }
+    const Samples samples = pick_samples(frame, camera_, middle, config_.border_px, config_.spacing_px);
+    if (samples.rows.empty()) return none("no outline to measure");
+    Comparison comparison(camera_, then, faces_of(frame));
+
+    // where to begin
+    std::vector<char> wanted(n, 0);
+    for (std::size_t r = 0; r < n; ++r) {
+        const auto it = clarity_.find(frame.regions[r].id);
+        wanted[r] = jerk || !(expected[r] > 0) || it == clarity_.end() ||
+                    present - it->second.frame >= LOOK_AGAIN_FRAMES;
+    }
+    const auto look_for = [&] {
+        comparison.place(path, present);
+        return best_trials(comparison, samples, n, wanted, config_.nearest_cm, config_.farthest_cm);
+    };
+    std::vector<Start> start = look_for();
+    if (jerk) {
+        const Station before = path.at(present);
+        path.at(present).pitch_rad += jerk->pitch_rad, path.at(present).yaw_rad += jerk->yaw_rad;
+        std::vector<Start> jerked = look_for();
+        path.at(present) = before;
+        if (mean_cost(jerked, samples) < mean_cost(start, samples) - CLEARLY_BETTER) {
+            ego.believe(*jerk, path, present);
+            start = std::move(jerked);
+        }
+        comparison.place(path, present);
+    }
+    std::vector<RegionState> state(n);
+    std::vector<double> tilt(n);
+    for (std::size_t r = 0; r < n; ++r) {
+        const std::int64_t id = frame.regions[r].id;
+        if (wanted[r]) {
+            clarity_[id] = {present, start[r].contrast, start[r].rival};
+        } else {
+            start[r] = {expected[r], 0.0, clarity_[id].contrast, clarity_[id].rival};
+        }
+        state[r].rho = std::max(start[r].rho, 1e-6);
+        tilt[r] = PLANE_TILT * 2 / camera_.focal() * state[r].rho;  // per px: the width cancels
+    }
+    if (clarity_.size() > 4 * n + 64) std::erase_if(clarity_, [&](const auto& c) { return present - c.second.frame > 60; });
+
+    // depths and cameras together
+    const MotionPrior prior = ego.prior(path, frames);
+    std::vector<std::array<double, 3>> cameras;
+    for (const int f : frames) {
+        const Station& s = path.at(f);
+        cameras.push_back({s.pitch_rad, s.yaw_rad, s.travel_cm});
+    }
+    const auto place = [&] {
+        for (std::size_t c = 0; c < frames.size(); ++c) {
+            Station& s = path.at(frames[c]);
+            s.pitch_rad = cameras[c][0], s.yaw_rad = cameras[c][1], s.travel_cm = cameras[c][2];
+        }
+        comparison.place(path, present);
+    };
+    std::vector<double> own(samples.rows.size(), 1.0);
+    for (std::size_t i = 0; i < own.size(); ++i)
+        if (start[static_cast<std::size_t>(samples.rows[i].region)].contrast < MIN_CONTRAST) own[i] = 0.0;
+    const std::vector<double> told = own;
+    JointFit fit(samples, n, then.size());
+    FitSettings settings;
+    settings.noise_px = config_.noise_px;
+    settings.correlation = std::max(1.0, config_.correlation_px / config_.spacing_px);
+    for (std::size_t round = 0; round < std::size(GATES_PX) + 2; ++round) {
+        settings.gate_px = GATES_PX[std::min(round, std::size(GATES_PX) - 1)];
+        if (round >= std::size(GATES_PX) - 1) {
+            own = own_rows(samples, fit.costs(settings), state, extents);
+            for (std::size_t i = 0; i < own.size(); ++i) own[i] *= told[i];
+        }
+        fit.look(comparison, state);
+        fit.step(own, tilt, settings, prior, state, round >= FREE_CAMERAS_FROM ? &cameras : nullptr);
+        if (round >= FREE_CAMERAS_FROM) place();
+    }
+    ego.learn(path, frames, cameras, fit.camera_covariance());
+
+    std::vector<Shape> shapes(n);
+    for (std::size_t i = 0; i < samples.rows.size(); ++i) {
+        Shape& s = shapes[static_cast<std::size_t>(samples.rows[i].region)];
+        s.length_px += samples.rows[i].length_px, s.own += own[i] * samples.rows[i].length_px;
+    }
+    const std::vector<RegionFit> fits = fit.regions(own, state);
+    std::vector<OutlineAnswer> out;
+    for (std::size_t r = 0; r < n; ++r) {
+        shapes[r].own /= std::max(shapes[r].length_px, 1e-9);
+        shapes[r].middle = middle[r];
+        double unsolved = square(ego.scale_sigma());
+        for (std::size_t k = 0; k < then.size(); ++k)
+            unsolved += fits[r].share[k] * 2 * square(path.place_sigma_cm() / length(comparison.move(k).shift_cm));
+        shapes[r].travel_sigma = std::sqrt(unsolved);
+        out.push_back(answer(frame.regions[r], fits[r], start[r], shapes[r]));
+    }
+    return out;
+}
+
+OutlineAnswer OutlineMethod::answer(const RegionView& region, const RegionFit& fit, const Start& start,
+                                    const Shape& shape) const {
+    OutlineAnswer out;
+    const auto no = [&](std::string why) {
+        out.surface = decline(std::move(why));
+        return out;
+    };
+    if (!(shape.length_px > 0)) return no("no outline to measure");
+    out.own_share = shape.own;
+    if (start.contrast < MIN_CONTRAST) {
+        out.own_share = 1.0;
+        return no("many depths fit its outline alike");
+    }
+    if (!(shape.own > 0)) return no("its outline belongs to nearer regions");
+    if (fit.found_px < std::max(MIN_OWN_PX, MIN_OWN_SHARE * shape.length_px) || fit.found < MIN_FOUND)
+        return no("too little of its outline was found again");
+    if (start.rival < MIN_RIVAL) return no("two depths fit its outline");
+    if (fit.shift_px < MIN_SHIFT_PX) return no("too little motion for its distance");
+    const bool cut = region.touches_border || shape.own < WHOLE_SHARE;
+    const Vec2 slope = fit.tilted.slope;
+    const std::array<double, 9>& v = fit.tilted_covariance;
+    const double det = v[4] * v[8] - v[5] * v[5];
+    const double chi2 = det > 0 ? (square(slope.x) * v[8] - 2 * slope.x * slope.y * v[5] + square(slope.y) * v[4]) / det : 0;
+    const double slant = length(slope) * camera_.focal() / fit.tilted.rho;
+    out.slanted = cut ? chi2 > CUT_CHI2
+                      : chi2 > FACE_CHI2 && slant > FACE_SLANT && may_be_one_face(region.loops.front());
+    const double width = std::sqrt(std::max(region.area_px, 1.0)) / camera_.focal();  // w / Z
+    double noise, model = square(config_.model_share);
+    if (out.slanted) {
+        const double rho = fit.tilted.rho;
+        out.slope = slope;
+        out.silhouette_cm = mean_of_inverse(region.loops, rho - dot(slope, shape.middle), slope.x, slope.y);
+        if (!(out.silhouette_cm > 0)) out.silhouette_cm = 1 / rho;
+        out.surface.depth_cm = out.silhouette_cm;
+        noise = v[0] / square(rho);
+        // it might be no plane after all
+        model += square(0.5 * (1 - fit.level.rho / rho)) + square(0.03 * width);
+    } else {
+        const Relief relief = relief_of(region.loops.front(), cut);
+        out.silhouette_cm = 1 / fit.level.rho;
+        out.surface.depth_cm = out.silhouette_cm * (1 - relief.k * width);
+        noise = fit.level_variance / square(fit.level.rho);
+        model += square(relief.sigma_k * width);
+    }
+    const double coherent = COHERENT * fit.scale_px / fit.shift_px;
+    const double lost = LOST_SHARE * (1 - fit.found);
+    const double relative = std::sqrt(noise + model + square(coherent) + square(lost) + square(shape.travel_sigma));
+    if (!(relative < config_.max_relative_sigma)) {
+        out.silhouette_cm = 0.0, out.slanted = false;
+        return no(percent("too uncertain", relative));
+    }
+    out.surface.sigma_cm = relative * out.surface.depth_cm;
+    out.surface.sensitivity = 0.0;
+    return out;
+}
+
+}  // namespace depth

@@ -1,0 +1,79 @@
+// Depth from the motion of whole outlines: the main method.
+//
+// The present outline, carried into earlier frames by the camera's motion and a trial inverse depth, is
+// compared with the outlines found there, along the normal only. Vertices (Eq. 7-13) are its case of
+// single points, area (Eq. 14-18) its case of uniform growth. All regions' depths and the cameras' own
+// errors are solved together; where the outline supports it, 1/Z = a + b x + c y over the image, which is
+// exact for slanted planes.
+#pragma once
+
+#include <map>
+#include <optional>
+#include <set>
+#include <vector>
+
+#include "answer.hpp"
+#include "comparison.hpp"
+#include "ego_motion.hpp"
+#include "frame_view.hpp"
+#include "joint_fit.hpp"
+#include "path.hpp"
+#include "trials.hpp"
+
+namespace depth {
+
+struct OutlineConfig {
+    std::size_t keyframes = 6;     // earlier frames the present outline is compared with
+    double spacing_px = 3.5;       // between samples of the present outline
+    double border_px = 3.0;        // samples nearer to the image border are not used
+    double noise_px = 0.12;        // an outline is never taken to be better than this
+    double correlation_px = 8.0;   // neighbouring samples err alike over such a length
+    double model_share = 0.003;    // model error even on a flat frontal thing
+    double nearest_cm = 12.0;      // depths looked for, from
+    double farthest_cm = 2500.0;   // and to
+    double min_step_cm = 0.3;      // a frame nearer than this to the last one kept is not kept
+    double max_relative_sigma = 0.3;
+};
+
+struct OutlineAnswer {
+    Answer surface;             // mean over the visible surface
+    double silhouette_cm = 0.0; // where the outline itself is; 0 where there is no answer
+    bool slanted = false;
+    Vec2 slope;                 // d(1/Z) per px, where the outline shows a slant
+    bool moving = false;        // its outline does not fit the camera's motion
+    double own_share = 1.0;     // of its outline that is not the outline of something nearer
+};
+
+class OutlineMethod {
+  public:
+    OutlineMethod(const Camera& camera, const OutlineConfig& config);
+
+    // Depths of the regions of `frame`, row by row; solves the cameras' corrections on the way.
+    //
+    // jerk: what the vertices suspect the camera did
+    // expected: inverse depths where they are known from before, else 0
+    std::vector<OutlineAnswer> update(const FrameView& frame, Path& path, int present, EgoMotion& ego,
+                                      const std::optional<EgoMotion::Jerk>& jerk, const std::vector<double>& expected);
+
+    // Frames that the path must keep.
+    std::set<int> frames() const;
+
+  private:
+    struct Clarity {  // how clear a region's depth was among others when last looked for
+        int frame;
+        double contrast, rival;
+    };
+    struct Shape;
+
+    std::vector<OutlineAnswer> answers(const FrameView& frame, Path& path, int present, EgoMotion& ego,
+                                       const std::optional<EgoMotion::Jerk>& jerk, const std::vector<double>& expected);
+    OutlineAnswer answer(const RegionView& region, const RegionFit& fit, const Start& start,
+                         const Shape& shape) const;
+
+    Camera camera_;
+    OutlineConfig config_;
+    std::vector<Keyframe> keyframes_;  // oldest first
+    std::map<std::int64_t, Clarity> clarity_;
+};
+
+}  // namespace depth
