@@ -9,11 +9,17 @@ import parts
 import pytest
 from board_scene import LENS, Board, Camera, disc, rectangle, straight_path, turned
 from parts import EXACT, Noise, Run, Said
+from solid_things import KINDS, seen, thing
 
 from host.pose import Pose
-from host.rbdn.snapshot import Event, Snapshot
+from host.rbdn.snapshot import Event, Region, Snapshot, Vertices
 
 BOX = rectangle(7, (8.0, 4.0, 85.0), (20.0, 16.0))
+EMPTY = dataclasses.replace(
+    Camera([BOX]).look(Pose.planar(0, 0, 0)),
+    regions=(),
+    vertices=Vertices(np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros(0)),
+)
 Frames = list[tuple[Snapshot, Pose]]
 
 
@@ -220,3 +226,35 @@ def test_a_region_without_area_declines():
     run.see(dataclasses.replace(snapshot, regions=(flat,)), pose)
     assert run.area().declined == "no area"
     assert parts.polygon_area(flat.loops) == 0.0
+
+
+# --- Things that are no frontal planes -------------------------------------------------------------
+
+
+def approach(kind: str, seed: int) -> tuple[Said, float] | None:
+    """What is said of a random thing after a way of a tenth of its distance, and its mean depth then."""
+    solid = thing(kind, np.random.default_rng((KINDS.index(kind), seed)))
+    first = seen(solid)
+    if first is None:
+        return None
+    run = Run(LENS, EXACT)
+    for k in range(6):
+        forward = 0.02 * k * first.surface_cm
+        now = seen(solid, forward)
+        if now is None:
+            return None
+        area = parts.polygon_area([now.loop])
+        nodes = (np.full(len(now.loop), -1),)
+        region = Region(7, None, 0, area, 0.5, False, (0.0, 0.0, 0.0), (now.loop,), nodes, nodes)
+        run.see(dataclasses.replace(EMPTY, seq=k, regions=(region,)), Pose.planar(0, forward, 0, t_s=0.1 * k))
+        said = run.area()
+    return said, now.surface_cm
+
+
+def test_sigma_covers_what_equation_16_does_not_know_of_solid_things():
+    said = [a for kind in (*KINDS, "block") for seed in range(90) if (a := approach(kind, seed))]
+    answered = [(a, true) for a, true in said if a.known]
+    assert len(answered) > 0.8 * len(said)
+    off = np.array([abs(a.depth_cm - true) / a.sigma_cm for a, true in answered])
+    assert 0.55 < (off < 1).mean() < 0.85
+    assert (off < 2).mean() > 0.88

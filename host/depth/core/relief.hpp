@@ -6,7 +6,7 @@
 //     Z_surface = Z_outline - k w.
 //
 // A far ball of radius r shows a disc of area pi r^2 whose mean depth is (2/3) r before its rim: k = 0.38.
-// A near one, at 8 w, shows less of itself: 0.30. An upright cylinder's mean is (pi/4) r before its sides,
+// A near one shows less of itself, and aside of the way its near rim moves most: 0.30. An upright cylinder's mean is (pi/4) r before its sides,
 // k = 0.35 at twice as high as wide, but its lower rim, nearer than the sides, pulls its outline forward:
 // 0.20. A frontal face has k = 0. A box seen over a corner has 0.13, give or take as much again; so has a
 // slanted face, about nothing.
