@@ -13,7 +13,7 @@ class Pattern(Enum):
 
 class Material:
     def __init__(
-        self, pattern: Pattern, bgr: Triple, contrast: float, scale_cm: float, seed: int, gloss: float = 0.0
+        self, pattern: Pattern, bgr: Triple, contrast: float, scale_cm: float, seed: int, gloss: float
     ) -> None: ...
 
 class Scene:
@@ -31,10 +31,6 @@ class Scene:
         shadowed: bool,
     ) -> None: ...
     def disc(self, centre: Triple, radius: float, object: int, part: int, material: Material) -> None: ...
-    def sphere(self, centre: Triple, radius: float, object: int, part: int, material: Material) -> None: ...
-    def cylinder(
-        self, base: Triple, radius: float, height: float, object: int, part: int, material: Material
-    ) -> None: ...
     def ellipsoid(
         self, centre: Triple, u: Triple, v: Triple, w: Triple, object: int, part: int, material: Material
     ) -> None: ...
@@ -48,7 +44,7 @@ class Scene:
         part: int,
         material: Material,
     ) -> None: ...
-    def round_occluder(self, x: float, z: float, radius: float, height: float, base: float = 0.0) -> None: ...
+    def round_occluder(self, x: float, z: float, radius: float, height: float, base: float) -> None: ...
     def box_occluder(
         self,
         x: float,
@@ -57,7 +53,7 @@ class Scene:
         half_v: float,
         yaw: float,
         height: float,
-        base: float = 0.0,
+        base: float,
     ) -> None: ...
     def render(
         self,

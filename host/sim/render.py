@@ -169,35 +169,28 @@ class Renderer:
     def _add_cone(self, cone: Cone | Cylinder, prefix: str) -> None:
         material, foot, h = _material(cone.material), self._foot(cone), cone.height_cm
         r = cone.radius_cm
+        top_r = r if isinstance(cone, Cylinder) else cone.top_radius_cm
         side = self._part(f"{prefix}side", False)
-        if isinstance(cone, Cylinder):
-            top_r = r
-            self._scene.cylinder(_triple(foot), r, h, **side, material=material)
-        else:
-            top_r = cone.top_radius_cm
-            self._scene.cone(_triple(foot), r, top_r, h, **side, material=material)
+        self._scene.cone(_triple(foot), r, top_r, h, **side, material=material)
         if top_r > 0.0:
             top = self._part(f"{prefix}top", True)
             self._scene.disc(_triple(foot - (0.0, h, 0.0)), top_r, **top, material=material)
         self._scene.round_occluder(
-            cone.x_cm, cone.z_cm, (r + top_r) / 2, cone.base_cm + h, **_above(cone.base_cm)
+            cone.x_cm, cone.z_cm, (r + top_r) / 2, height=cone.base_cm + h, base=cone.base_cm
         )
 
     def _add_ball(self, ball: Ball | Ellipsoid, prefix: str) -> None:
-        material, foot = _material(ball.material), self._foot(ball)
+        axes = ball.radius_cm * np.eye(3) if isinstance(ball, Ball) else ball.half_axes_cm
+        half_height = float(np.linalg.norm(axes[:, 1]))
+        wide = float(np.linalg.norm(axes[[0, 2]], axis=1).mean())
+        u, v, w = (_triple(axis) for axis in axes)
+        centre = _triple(self._foot(ball) - (0.0, half_height, 0.0))
         surface = self._part(f"{prefix}surface", False)
-        if isinstance(ball, Ball):
-            half_height = wide = ball.radius_cm
-            centre = foot - (0.0, half_height, 0.0)
-            self._scene.sphere(_triple(centre), ball.radius_cm, **surface, material=material)
-        else:
-            half_height, wide = ball.half_height_cm, (ball.radii_cm[0] + ball.radii_cm[2]) / 2
-            centre = foot - (0.0, half_height, 0.0)
-            u, v, w = (_triple(axis) for axis in ball.half_axes_cm)
-            self._scene.ellipsoid(_triple(centre), u, v, w, **surface, material=material)
+        self._scene.ellipsoid(centre, u, v, w, **surface, material=_material(ball.material))
         # it touches the floor in a point only
-        top_cm = ball.base_cm + 1.6 * half_height
-        self._scene.round_occluder(ball.x_cm, ball.z_cm, 0.6 * wide, top_cm, **_above(ball.base_cm))
+        self._scene.round_occluder(
+            ball.x_cm, ball.z_cm, 0.6 * wide, height=ball.base_cm + 1.6 * half_height, base=ball.base_cm
+        )
 
     def _add_board(self, board: Board, prefix: str) -> None:
         c, s = math.cos(board.yaw_rad), math.sin(board.yaw_rad)
@@ -211,8 +204,8 @@ class Renderer:
         if c > 0.2:  # what lies flat throws no shadow
             self._scene.box_occluder(
                 board.x_cm + middle[0], board.z_cm + middle[2],
-                board.width_cm / 2, max(depth / 2, 0.2), board.yaw_rad, board.base_cm + board.height_cm * c,
-                **_above(board.base_cm),
+                board.width_cm / 2, max(depth / 2, 0.2), board.yaw_rad,
+                height=board.base_cm + board.height_cm * c, base=board.base_cm,
             )  # fmt: skip
 
     def _add_box(self, box: Box, prefix: str) -> None:
@@ -229,8 +222,8 @@ class Renderer:
         ):
             self._quad(f"{prefix}{name}", corner, u, v, normal, box.material)
         self._scene.box_occluder(
-            box.x_cm, box.z_cm, box.width_cm / 2, box.depth_cm / 2, box.yaw_rad, box.base_cm + box.height_cm,
-            **_above(box.base_cm),
+            box.x_cm, box.z_cm, box.width_cm / 2, box.depth_cm / 2, box.yaw_rad,
+            height=box.base_cm + box.height_cm, base=box.base_cm,
         )  # fmt: skip
 
     # --- Pictures ---------------------------------------------------------------------------------
@@ -302,22 +295,14 @@ def _triple(a: ArrayLike) -> tuple[float, float, float]:
 def _camera(pose: Pose, lens: Lens) -> dict[str, Any]:
     rotation = np.ascontiguousarray(pose.rotation, float)
     position = np.ascontiguousarray(pose.position_cm, float)
-    camera = {
+    return {
         "rotation": rotation, "position": position,
         "fx": lens.fx, "fy": lens.fy, "cx": lens.cx, "cy": lens.cy,
-        "width": lens.width, "height": lens.height,
+        "width": lens.width, "height": lens.height, "distortion": lens.distortion,
     }  # fmt: skip
-    if any(lens.distortion):
-        camera["distortion"] = lens.distortion
-    return camera
-
-
-def _above(base_cm: float) -> dict[str, float]:
-    return {"base": base_cm} if base_cm else {}
 
 
 def _material(material: Material) -> _render.Material:
     bgr = _triple(linear_of(np.array(material.rgb[::-1]) / 255.0))
     pattern = getattr(_render.Pattern, material.pattern)
-    gloss = {"gloss": material.gloss} if material.gloss else {}
-    return _render.Material(pattern, bgr, material.contrast, material.scale_cm, material.seed, **gloss)
+    return _render.Material(pattern, bgr, material.contrast, material.scale_cm, material.seed, material.gloss)

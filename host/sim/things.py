@@ -122,11 +122,6 @@ class Ellipsoid:
         return np.array(self.radii_cm)[:, None] * np.array([c * right + s * up, c * up - s * right, ahead])
 
     @property
-    def half_height_cm(self) -> float:
-        """From its middle to its lowest point."""
-        return float(np.linalg.norm(self.half_axes_cm[:, 1]))
-
-    @property
     def reach_cm(self) -> float:
         """Its longest half axis."""
         return max(self.radii_cm)

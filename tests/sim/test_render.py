@@ -22,7 +22,7 @@ from host.sim.world import World, boxes, room
 SIZE = 64
 FOCAL = 100.0
 HERE = Pose.planar(0.0, 0.0, 0.0)
-WHITE = _render.Material(_render.Pattern.plain, (1.0, 1.0, 1.0), 0.0, 1.0, 0)
+WHITE = _render.Material(_render.Pattern.plain, (1.0, 1.0, 1.0), 0.0, 1.0, 0, 0.0)
 
 
 def picture_of(scene: _render.Scene, psf_px: float = 0.0) -> np.ndarray:
@@ -143,7 +143,9 @@ def test_a_picture_is_as_wide_at_its_border_as_beyond_it():
 def test_circles_of_balls_have_the_area_of_their_ellipses():
     scene = lit_scene()
     x, z, r = 12.0, 90.0, 9.0
-    scene.sphere((x, 0.0, z), r, object=1, part=1, material=WHITE)
+    scene.ellipsoid(
+        (x, 0.0, z), (r, 0.0, 0.0), (0.0, r, 0.0), (0.0, 0.0, r), object=1, part=1, material=WHITE
+    )
     # outline of a sphere: the cone (p . c)^2 = |p|^2 (|c|^2 - r^2), cut at depth 1
     tangent2 = x * x + z * z - r * r
     half_x = math.sqrt(tangent2) * r / (z * z - r * r)

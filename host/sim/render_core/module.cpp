@@ -59,7 +59,7 @@ NB_MODULE(_render, module)
             [](Material *m, Pattern pattern, Triple bgr, double contrast, double scale_cm, uint32_t seed,
                double gloss) { new (m) Material{pattern, vec(bgr), contrast, scale_cm, seed, gloss}; },
             nb::arg("pattern"), nb::arg("bgr"), nb::arg("contrast"), nb::arg("scale_cm"), nb::arg("seed"),
-            nb::arg("gloss") = 0.0);
+            nb::arg("gloss"));
 
     nb::class_<Scene>(module, "Scene")
         .def(
@@ -93,27 +93,6 @@ NB_MODULE(_render, module)
             },
             nb::arg("centre"), nb::arg("radius"), nb::arg("object"), nb::arg("part"), nb::arg("material"))
         .def(
-            "sphere",
-            [](Scene &scene, Triple centre, double radius, int object, int part, const Material &material) {
-                Surface s;
-                s.shape = Shape::ellipsoid;
-                s.origin = vec(centre), s.u = {radius, 0, 0}, s.v = {0, radius, 0}, s.w = {0, 0, radius};
-                s.radius = radius;
-                add(scene, s, object, part, material);
-            },
-            nb::arg("centre"), nb::arg("radius"), nb::arg("object"), nb::arg("part"), nb::arg("material"))
-        .def(
-            "cylinder",
-            [](Scene &scene, Triple base, double radius, double height, int object, int part,
-               const Material &material) {
-                Surface s;
-                s.shape = Shape::cone;
-                s.origin = vec(base), s.radius = s.top = radius, s.height = height;
-                add(scene, s, object, part, material);
-            },
-            nb::arg("base"), nb::arg("radius"), nb::arg("height"), nb::arg("object"), nb::arg("part"),
-            nb::arg("material"))
-        .def(
             "ellipsoid",
             [](Scene &scene, Triple centre, Triple u, Triple v, Triple w, int object, int part,
                const Material &material) {
@@ -141,7 +120,7 @@ NB_MODULE(_render, module)
             [](Scene &scene, double x, double z, double radius, double height, double base) {
                 scene.occluders.push_back({x, z, 0, 0, 1, 0, radius, height, base});
             },
-            nb::arg("x"), nb::arg("z"), nb::arg("radius"), nb::arg("height"), nb::arg("base") = 0.0)
+            nb::arg("x"), nb::arg("z"), nb::arg("radius"), nb::arg("height"), nb::arg("base"))
         .def(
             "box_occluder",
             [](Scene &scene, double x, double z, double half_u, double half_v, double yaw, double height,
@@ -149,7 +128,7 @@ NB_MODULE(_render, module)
                 scene.occluders.push_back({x, z, half_u, half_v, std::cos(yaw), std::sin(yaw), 0, height, base});
             },
             nb::arg("x"), nb::arg("z"), nb::arg("half_u"), nb::arg("half_v"), nb::arg("yaw"), nb::arg("height"),
-            nb::arg("base") = 0.0)
+            nb::arg("base"))
         .def(
             "render",
             [](const Scene &scene, const Matrix &rotation, const Vector &position, double fx, double fy, double cx,
