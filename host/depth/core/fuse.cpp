@@ -5,9 +5,36 @@
 namespace depth {
 
 namespace {
-constexpr double METHOD_CORRELATION = 0.5;
+constexpr double METHOD_CORRELATION = 0.6;
 constexpr double DISAGREEMENT_SIGMAS = 3.0;
 constexpr int FORGET_FRAMES = 30;  // a region not seen for so long is new when it comes back
+
+// Weights of least variance, inv(C) 1, of those that `take` part; what would get a negative one is left out:
+// it knows nothing that surer ones with the same errors do not know better.
+std::array<double, 3> best_weights(const std::array<const Answer*, 3>& answers, std::array<bool, 3> take) {
+    for (;;) {
+        std::array<double, 3> weight{};
+        double sum = 0;
+        double inverse = 0, count = 0;  // sums over those that take part
+        for (std::size_t m = 0; m < 3; ++m)
+            if (take[m]) inverse += 1 / answers[m]->sigma_cm, count += 1;
+        std::size_t least = 3;
+        for (std::size_t m = 0; m < 3; ++m) {
+            if (!take[m]) continue;
+            // all pairs share the correlation r: inv(C) 1 has the closed form (1/s - r sum(1/s) / (1 + (n-1) r)) / s
+            const double own = 1 / answers[m]->sigma_cm;
+            weight[m] = own * (own - METHOD_CORRELATION * inverse / (1 + (count - 1) * METHOD_CORRELATION));
+            sum += weight[m];
+            if (weight[m] <= 0 && (least == 3 || weight[m] < weight[least])) least = m;
+        }
+        if (least == 3) {
+            for (double& w : weight) w /= sum;
+            return weight;
+        }
+        take[least] = false;
+    }
+}
+
 }  // namespace
 
 std::optional<Fused> combine(const std::array<const Answer*, 3>& answers) {
@@ -19,26 +46,22 @@ std::optional<Fused> combine(const std::array<const Answer*, 3>& answers) {
     }
     if (best == nullptr) return std::nullopt;
     Fused out;
-    std::array<double, 3> weight{};
-    double sum = 0, most = 0;
+    std::array<bool, 3> agrees{};
     for (std::size_t m = 0; m < 3; ++m) {
         const Answer& a = *answers[m];
         if (!a.known()) continue;
-        if (std::abs(a.depth_cm - best->depth_cm) > DISAGREEMENT_SIGMAS * std::hypot(a.sigma_cm, best->sigma_cm)) {
-            out.note += (out.note.empty() ? "contradicted by " : ", ") + std::string(METHOD_NAMES[m]);
-            continue;
-        }
-        weight[m] = 1 / (a.sigma_cm * a.sigma_cm);
-        sum += weight[m];
-        if (weight[m] > most) most = weight[m], out.method = static_cast<Method>(m);
+        agrees[m] = std::abs(a.depth_cm - best->depth_cm) <= DISAGREEMENT_SIGMAS * std::hypot(a.sigma_cm, best->sigma_cm);
+        if (!agrees[m]) out.note += (out.note.empty() ? "contradicted by " : ", ") + std::string(METHOD_NAMES[m]);
     }
-    double variance = 0;
+    const std::array<double, 3> weight = best_weights(answers, agrees);
+    double variance = 0, most = 0;
     for (std::size_t m = 0; m < 3; ++m) {
         if (!(weight[m] > 0)) continue;
-        out.depth_cm += weight[m] / sum * answers[m]->depth_cm;
+        if (weight[m] > most) most = weight[m], out.method = static_cast<Method>(m);
+        out.depth_cm += weight[m] * answers[m]->depth_cm;
         for (std::size_t q = 0; q < 3; ++q)
             if (weight[q] > 0)
-                variance += weight[m] * weight[q] / (sum * sum) * answers[m]->sigma_cm * answers[q]->sigma_cm *
+                variance += weight[m] * weight[q] * answers[m]->sigma_cm * answers[q]->sigma_cm *
                             (m == q ? 1.0 : METHOD_CORRELATION);
     }
     out.sigma_cm = std::sqrt(variance);

@@ -28,7 +28,7 @@ struct Fused {
     std::string note;                 // what speaks against it; empty where nothing does
 };
 
-// Weighted mean of the methods' answers, in the order of `Method`; one that contradicts the outline is left
+// Mean of least variance of the methods' answers, in the order of `Method`; one that contradicts the outline is left
 // out and named. The outline forgives what the others do not see: an edge that vanished, a corner that
 // slid, an area that took in a shadow. Without it the surest of the others is the measure.
 std::optional<Fused> combine(const std::array<const Answer*, 3>& answers);

@@ -216,7 +216,10 @@ OutlineAnswer OutlineMethod::answer(const RegionView& region, const RegionFit& f
     const bool cut = region.touches_border || shape.own < WHOLE_SHARE;
     const Vec2 slope = fit.tilted.slope;
     const std::array<double, 9>& v = fit.tilted_covariance;
-    const double det = v[4] * v[8] - v[5] * v[5];
+    const double coherent = COHERENT * fit.scale_px / fit.shift_px;
+    // a whole side that errs looks like a slant
+    const double doubt = 1 + square(coherent * fit.level.rho) / fit.level_variance;
+    const double det = (v[4] * v[8] - v[5] * v[5]) * doubt;
     const double chi2 = det > 0 ? (square(slope.x) * v[8] - 2 * slope.x * slope.y * v[5] + square(slope.y) * v[4]) / det : 0;
     const double slant = length(slope) * camera_.focal() / fit.tilted.rho;
     out.slanted = cut ? chi2 > CUT_CHI2
@@ -239,7 +242,6 @@ OutlineAnswer OutlineMethod::answer(const RegionView& region, const RegionFit& f
         noise = fit.level_variance / square(fit.level.rho);
         model += square(relief.sigma_k * width);
     }
-    const double coherent = COHERENT * fit.scale_px / fit.shift_px;
     const double lost = LOST_SHARE * (1 - fit.found);
     const double relative = std::sqrt(noise + model + square(coherent) + square(lost) + square(shape.travel_sigma));
     if (!(relative < config_.max_relative_sigma)) {

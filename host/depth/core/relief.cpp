@@ -32,7 +32,7 @@ constexpr Table MORE_SIDES{{
     {0.900, {0.08, 0.16}},
     {0.945, {0.155, 0.12}},
     {0.963, {0.11, 0.09}},
-    {0.985, {0.035, 0.05}},
+    {0.985, {0.01, 0.05}},
 }};
 constexpr Relief ROUND{0.31, 0.06};   // balls and fruits
 constexpr Relief NECKED{0.145, 0.06};  // bottles
