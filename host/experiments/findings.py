@@ -66,7 +66,7 @@ class Turn:
     course: str
     seed: int
     was_rad: float  # larger one of pitch and yaw, against odometry
-    left_rad: float | None  # None where the estimator does not say how the camera turned
+    left_rad: float  # the same against what the estimator made of it
 
 
 @dataclass(frozen=True)

@@ -252,8 +252,7 @@ def _our_corners(
 
 def camera_of(report: DepthReport, odometry: Pose) -> Pose:
     """Where the estimator thinks the camera was: odometry's pose, corrected where it solved for that."""
-    motion = getattr(report, "motion", None)
-    return odometry if motion is None else motion.camera
+    return odometry if report.motion is None else report.motion.camera
 
 
 def _answer(depth: RegionDepth, method: str) -> tuple[float, float] | None:
@@ -292,8 +291,7 @@ def _corner_pulls(findings: list[Finding], course: Course) -> Iterator[Pull]:
 def _turn(task: Task, report: DepthReport, driven: Drive, k: int) -> Turn:
     """Angle between the true camera and odometry's, and between it and the solved one."""
     true, odometry = driven.true[k], driven.odometry["exact"][k]
-    solved = camera_of(report, odometry)
-    left = None if solved is odometry else _angle_rad(true, solved)
+    left = _angle_rad(true, camera_of(report, odometry))
     return Turn(task.course.name, task.seed, _angle_rad(true, odometry), left)
 
 

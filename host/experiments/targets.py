@@ -143,8 +143,8 @@ def _odometry(findings: Findings, turns: list[Turn]) -> Iterator[Target]:
     boxes = findings.where(travel_cm=10.0, at="first", method="fused", thing=BOXES)
     s = boxes.where(course="experiment_1", odometry="encoder").summary
     yield Target("experiment 1, encoder counts of 0.5 cm: median", "%", s.median, 0.5, answers=_share(s))
-    left = [t.left_rad for t in turns if t.course == "experiment_1" and t.left_rad is not None]
-    rms = math.degrees(float(np.sqrt(np.mean(np.square(left))))) if left else math.nan
+    left = [t.left_rad for t in turns if t.course == "experiment_1"]
+    rms = math.degrees(float(np.sqrt(np.mean(np.square(left)))))
     yield Target(
         "unknown turn of up to 1 degree a frame, left: rms", "degrees", rms, 0.01, answers=f"{len(left)}"
     )

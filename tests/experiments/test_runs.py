@@ -114,7 +114,7 @@ def test_depths_of_the_last_frame_are_those_of_the_first_less_the_way(short_run:
     first, last = (rows.where(at=at).rows[0] for at in ("first", "last"))
     way_cm = drive(SHORT, 0).odometry["exact"][-1].position_cm[2]
     assert way_cm != 10.0
-    assert first.found_cm == pytest.approx(last.found_cm + way_cm, abs=1e-6)
+    assert first.found_cm == pytest.approx(last.found_cm + way_cm, abs=0.05)  # the solved turn shows
 
 
 def test_a_run_is_the_same_every_time(short_run: RunResult) -> None:
