@@ -249,26 +249,24 @@ def _estimate_dict(estimate: Estimate) -> dict[str, float | None]:
 
 
 def _vertex_dicts(snapshot: Snapshot, depths: DepthReport) -> list[dict[str, Any]]:
-    placed = {
-        int(vertex): (*map(_number, place), _number(sigma))
-        for vertex, place, sigma in zip(
-            depths.vertices.ids, depths.vertices.xyz_cm, depths.vertices.sigma_cm, strict=True
-        )
-    }
+    found = depths.vertices
+    row_of = {int(vertex): row for row, vertex in enumerate(found.ids)}
     out = []
     for vertex, (x_px, y_px) in zip(snapshot.vertices.ids, snapshot.vertices.xy_px, strict=True):
-        x_cm, y_cm, z_cm, sigma_cm = placed.get(int(vertex), (None, None, None, None))
-        out.append(
-            {
-                "id": int(vertex),
-                "x_px": float(x_px),
-                "y_px": float(y_px),
-                "X_cm": x_cm,
-                "Y_cm": y_cm,
-                "Z_cm": z_cm,
-                "sigma_cm": sigma_cm,
-            }
-        )
+        row = row_of.get(int(vertex))
+        x_cm, y_cm, z_cm = (None, None, None) if row is None else map(_number, found.xyz_cm[row])
+        told: dict[str, Any] = {
+            "id": int(vertex),
+            "x_px": float(x_px),
+            "y_px": float(y_px),
+            "X_cm": x_cm,
+            "Y_cm": y_cm,
+            "Z_cm": z_cm,
+            "sigma_cm": None if row is None else _number(found.sigma_cm[row]),
+        }
+        if row is not None and found.sensitivity is not None and math.isfinite(found.sensitivity[row]):
+            told["sensitivity"] = float(found.sensitivity[row])
+        out.append(told)
     return out
 
 

@@ -153,6 +153,16 @@ def test_what_only_some_regions_have_is_told_of_those_alone():
     }
 
 
+def test_a_vertex_tells_its_sensitivity_where_it_has_one():
+    snapshot = FakeNet().track(np.zeros((1, 1, 3), np.uint8))
+    depths = FakeEstimator().update(snapshot, Pose.planar(0, 0, 0))
+    moves = np.array([0.3, np.nan, 0.1, 0.0])
+    with_moves = replace(depths, vertices=replace(depths.vertices, sensitivity=moves))
+    told = [vertex.get("sensitivity") for vertex in measure._vertex_dicts(snapshot, with_moves)]
+    assert told == [0.0, 0.1, None, 0.3]
+    assert not any("sensitivity" in vertex for vertex in measure._vertex_dicts(snapshot, depths))
+
+
 def test_a_single_frame_is_too_few(sequence_folder: Path):
     sequence = read_sequence(sequence_folder)
     with pytest.raises(InputError, match="only 1 frame"):

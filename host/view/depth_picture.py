@@ -50,7 +50,8 @@ def draw_depth(
     scale
         Colours of the depths, cm.
     true_depth_cm
-        (H, W), 0 where nothing is; with it there is a third panel, the error.
+        (H, W), 0 where nothing is; with it there is a third panel, the error of every pixel and each
+        region's median.
     caption
         Written below the picture.
 
@@ -91,16 +92,13 @@ def draw_depth(
         truth = cv2.resize(true_depth_cm.astype(float), large.shape[1::-1], interpolation=cv2.INTER_NEAREST)
         truth[truth <= 0] = np.nan
 
-        def error_text(region: Region) -> str | None:
-            depth = depth_of(region, depths).depth_cm
-            true = truth[found.region == snapshot.regions.index(region)]
-            return (
-                None
-                if depth is None or np.isnan(true).all()
-                else _signed(depth / float(np.nanmean(true)) - 1)
-            )
+        error = found.depth_cm / truth - 1
 
-        panels.append(panel(found.depth_cm / truth - 1, RELATIVE_ERROR, "error, far is red", error_text))
+        def error_text(region: Region) -> str | None:
+            own = error[found.region == snapshot.regions.index(region)]
+            return None if np.isnan(own).all() else f"{100 * np.nanmedian(own):+.1f} %"
+
+        panels.append(panel(error, RELATIVE_ERROR, "error, far is red", error_text))
     gap = np.full((panels[0].shape[0], GAP_PX, 3), PAPER, np.uint8)
     row = np.hstack([part for one in panels for part in (gap, one)][1:])
     known = sum(depth_of(region, depths).depth_cm is not None for region in snapshot.regions)
@@ -146,10 +144,6 @@ def _labels(snapshot: Snapshot, depths: DepthReport, text: Callable[[Region], st
             )
         )
     return out
-
-
-def _signed(error: float) -> str:
-    return f"{100 * error:+.1f} %"
 
 
 def _reasons(width_px: int, snapshot: Snapshot, depths: DepthReport) -> np.ndarray:

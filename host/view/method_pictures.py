@@ -19,12 +19,17 @@ import cv2
 import numpy as np
 
 from host.camera.lens import Lens
+from host.depth.estimator import Estimator
+from host.depth.report import DepthReport
 from host.errors import UsageError
 from host.pose import Pose
 from host.rbdn import Net, NetConfig, Snapshot, _core
 from host.record.atomic import check_writable, write_whole
+from host.sim.export import Way
 from host.sim.render import Renderer, Webcam, WebcamModel
 from host.sim.scenes import world_from_uri
+from host.view.colour_scale import depth_scale
+from host.view.depth_picture import draw_depth
 from host.view.labels import middle_of
 from host.view.mesh_picture import (
     LETTERS,
@@ -40,11 +45,15 @@ from host.view.mesh_picture import (
     mark_pixels,
 )
 from host.view.palette import INK, PAPER, Colour, region_colour, shade, text_size, write
+from host.view.space_picture import draw_space, space_of
 
 FOLDER = Path("docs/pictures")
 ROOM, SHADED_ROOM, TRACKED_ROOM = "sim:room?seed=15", "sim:room?seed=13", "sim:room?seed=12"
 TRACKED_FRAMES, EVERY = 41, 8
 STEP_CM, TURN_RAD = 3.0, -0.006  # of the tracked drive, a frame
+TABLE, BOXES = "sim:tabletop?seed=11", "sim:boxes"
+DEPTH_FRAMES = 11  # 1 cm apart
+DEPTH_SCALE = 0.72  # of the depth pictures on the page
 SMALLEST_NAMED_PX = 150
 REACH_PX = NetConfig().start_reach_px
 ONE_CYCLE = REACH_PX - 2  # what the engine's step "deform" takes for one cycle with this reach
@@ -332,6 +341,51 @@ def _coloured(image: np.ndarray, snapshot: Snapshot, part: Part) -> np.ndarray:
     return canvas
 
 
+# --- Depth -----------------------------------------------------------------------------------------
+
+
+def depth() -> np.ndarray:
+    """Depth, sigma and error after a hand's breadth of driving."""
+    measured = measure(TABLE)
+    snapshot, depths = measured.snapshots[-1], measured.depths[-1]
+    known = [r.depth_cm for r in depths.regions.values() if r.depth_cm is not None]
+    picture = draw_depth(
+        measured.image, snapshot, depths, depth_scale(np.array(known)), measured.true_depth_cm,
+        f"after {DEPTH_FRAMES - 1} cm",
+    )  # fmt: skip
+    return cv2.resize(picture, None, fx=DEPTH_SCALE, fy=DEPTH_SCALE, interpolation=cv2.INTER_AREA)
+
+
+def vertices() -> np.ndarray:
+    """The vertices of the paper's two boxes in space."""
+    measured = measure(BOXES)
+    picture = draw_space(space_of(measured.snapshots[-1], measured.depths[-1], measured.poses))
+    return cv2.resize(picture, None, fx=DEPTH_SCALE, fy=DEPTH_SCALE, interpolation=cv2.INTER_AREA)
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A short drive."""
+
+    poses: list[Pose]
+    snapshots: list[Snapshot]
+    depths: list[DepthReport]
+    image: np.ndarray  # the last one
+    true_depth_cm: np.ndarray  # of the last one
+
+
+def measure(uri: str) -> Measured:
+    """Net and depth over a drive of 1 cm a frame."""
+    world, model = world_from_uri(uri), WebcamModel()
+    renderer, webcam = Renderer(world), Webcam(model, world.lens, world.seed)
+    net, estimator = Net(lens=world.lens), Estimator(world.lens)
+    poses = list(Way(DEPTH_FRAMES).poses())
+    images = [webcam.take(renderer.light(p, model.psf_px), p.t_s, k) for k, p in enumerate(poses)]
+    snapshots = [net.track(image) for image in images]
+    depths = [estimator.update(seen, pose) for seen, pose in zip(snapshots, poses, strict=True)]
+    return Measured(poses, snapshots, depths, images[-1], renderer.truth(poses[-1]).depth_cm)
+
+
 # --- Scenes ----------------------------------------------------------------------------------------
 
 
@@ -358,6 +412,8 @@ PICTURES: dict[str, Callable[[], np.ndarray]] = {
     "maintenance.jpg": maintenance,
     "regions.jpg": regions,
     "tracking.jpg": tracking,
+    "depth.jpg": depth,
+    "vertices.jpg": vertices,
 }
 
 if __name__ == "__main__":

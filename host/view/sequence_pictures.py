@@ -74,7 +74,10 @@ class SequencePictures:
                 picture = draw_depth(image, snapshot, depths, scale, truth, caption)
                 save(f"{frame.number:06d}_depth.png", picture)
                 drawn()
-            poses = [frame.pose for frame in self._sequence.frames[: len(self._frames)]]
+            poses = [
+                frame.pose if depths.motion is None else depths.motion.camera
+                for frame, (_, depths) in zip(self._sequence.frames, self._frames, strict=True)
+            ]
             save(SPACE, draw_space(space_of(*self._frames[-1], poses), caption))
             for draft in sorted(Path(drafts).iterdir()):
                 write_whole(self._folder / draft.name, draft.read_bytes())
