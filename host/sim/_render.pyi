@@ -30,7 +30,15 @@ class Scene:
         material: Material,
         shadowed: bool,
     ) -> None: ...
-    def disc(self, centre: Triple, radius: float, object: int, part: int, material: Material) -> None: ...
+    def disc(
+        self,
+        centre: Triple,
+        radius: float,
+        object: int,
+        part: int,
+        material: Material,
+        faces_down: bool = False,
+    ) -> None: ...
     def ellipsoid(
         self, centre: Triple, u: Triple, v: Triple, w: Triple, object: int, part: int, material: Material
     ) -> None: ...

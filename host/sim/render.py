@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypedDict
 
 import cv2
 import numpy as np
@@ -58,6 +58,11 @@ class TrueFrame:
     object_mean_z_cm: np.ndarray  # (objects + 1,)
 
 
+class _Ids(TypedDict):
+    object: int
+    part: int
+
+
 def linear_of(srgb: np.ndarray) -> np.ndarray:
     """Screen values 0..1 to light 0..1."""
     srgb = np.asarray(srgb, float)
@@ -100,7 +105,7 @@ class Renderer:
 
     # --- The scene --------------------------------------------------------------------------------
 
-    def _part(self, name: str, planar: bool, corners_cm: np.ndarray | None = None) -> dict[str, int]:
+    def _part(self, name: str, planar: bool, corners_cm: np.ndarray | None = None) -> _Ids:
         object_id = len(self.object_names)
         full_name = f"{self.object_names[object_id]}/{name}"
         for part in self._parts:
@@ -166,6 +171,9 @@ class Renderer:
         """(3,): the shape's place at the height of its lower end, in world axes."""
         return np.array([shape.x_cm, self._floor_y - shape.base_cm, shape.z_cm])
 
+    def _seen_from_below(self, shape: Shape) -> bool:
+        return shape.base_cm > self._floor_y  # where the camera is, unless it climbs
+
     def _add_cone(self, cone: Cone | Cylinder, prefix: str) -> None:
         material, foot, h = _material(cone.material), self._foot(cone), cone.height_cm
         r = cone.radius_cm
@@ -175,6 +183,9 @@ class Renderer:
         if top_r > 0.0:
             top = self._part(f"{prefix}top", True)
             self._scene.disc(_triple(foot - (0.0, h, 0.0)), top_r, **top, material=material)
+        if r > 0.0 and self._seen_from_below(cone):
+            bottom = self._part(f"{prefix}bottom", True)
+            self._scene.disc(_triple(foot), r, **bottom, material=material, faces_down=True)
         self._scene.round_occluder(
             cone.x_cm, cone.z_cm, (r + top_r) / 2, height=cone.base_cm + h, base=cone.base_cm
         )
@@ -213,13 +224,16 @@ class Renderer:
         right, ahead, up = np.array([c, 0, -s]), np.array([s, 0, c]), np.array([0, -1.0, 0])
         w, d, h = box.width_cm * right, box.depth_cm * ahead, box.height_cm * up
         near_left = self._foot(box) - w / 2 - d / 2
-        for name, corner, u, v, normal in (
+        faces = [
             ("front", near_left, w, h, -ahead),
             ("back", near_left + d, w, h, ahead),
             ("left", near_left, d, h, -right),
             ("right", near_left + w, d, h, right),
             ("top", near_left + h, w, d, up),
-        ):
+        ]
+        if self._seen_from_below(box):
+            faces.append(("bottom", near_left, w, d, -up))
+        for name, corner, u, v, normal in faces:
             self._quad(f"{prefix}{name}", corner, u, v, normal, box.material)
         self._scene.box_occluder(
             box.x_cm, box.z_cm, box.width_cm / 2, box.depth_cm / 2, box.yaw_rad,

@@ -345,6 +345,24 @@ def test_every_part_belongs_to_the_object_seen_at_its_pixels():
     assert renderer.background_ids == {1, 2, 3, 4, 5, 6}
 
 
+def test_things_that_hang_above_the_camera_are_closed_below():
+    paint = Material((200, 40, 40))
+    things = (
+        Box("box", -20.0, 80.0, 14.0, 14.0, 8.0, 0.3, paint, base_cm=35.0),
+        Cylinder("cylinder", 0.0, 80.0, 6.0, 8.0, paint, base_cm=35.0),
+        Cone("cone", 20.0, 80.0, 6.0, 3.0, 8.0, paint, base_cm=35.0),
+    )
+    world = replace(room(0, objects=0), things=things)
+    renderer = Renderer(world)
+    truth = renderer.truth(HERE)
+    f, up = world.lens.fx, 35.0 - world.camera_height_cm
+    for name, area_cm2 in (("box", 14.0**2), ("cylinder", 36 * math.pi), ("cone", 36 * math.pi)):
+        part = next(p for p in renderer.parts if p.name == f"{name}/bottom")
+        # a level figure is seen as f^2 up / z^3 of its area, on the mean over its depths
+        assert truth.part_area_px[part.id] == pytest.approx(area_cm2 * f * f * up / 80.0**3, rel=0.05)
+        assert truth.part_mean_z_cm[part.id] == pytest.approx(80.0, abs=1.0)
+
+
 def test_shapes_of_one_name_in_a_group_are_one_part():
     paint = Material((200, 40, 40))
     pieces = (

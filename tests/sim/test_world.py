@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 
 from host.errors import UsageError
 from host.sim.scenes import world_from_uri
-from host.sim.things import Ball, Box, Cylinder, Material
+from host.sim.things import Ball, Board, Box, Cone, Cylinder, Ellipsoid, Group, Material
 from host.sim.world import Room, World, boxes, room
 
 SEEDS = range(60)
@@ -62,6 +63,20 @@ def test_distance_is_negative_inside_things_and_beyond_walls():
     assert world.distance_cm(np.array([-15.75, 91.0]))[0] == pytest.approx(-6.0)
     assert world.distance_cm(np.array([0.0, 203.0]))[0] == pytest.approx(-3.0)
     assert world.distance_cm(np.array([1.5, 91.0]))[0] == pytest.approx(7.0)  # midway between the boxes
+
+
+def test_things_of_every_shape_are_obstacles_where_they_stand():
+    plain = Material((200, 200, 200))
+    things = (
+        Cone("pot", 30.0, 60.0, 4.0, 7.0, 10.0, plain),
+        Ellipsoid("egg", -30.0, 60.0, (6.0, 3.0, 3.0), 0.5, plain),
+        Board("ramp", 0.0, 80.0, 20.0, 10.0, 0.0, plain, lean_rad=math.pi / 2),
+        Group("pair", (Ball("a", 0.0, 120.0, 5.0, plain), Ball("b", 20.0, 120.0, 5.0, plain))),
+    )
+    world = replace(boxes(), things=things)
+    x = (30.0, -30.0, 0.0, 0.0, 0.0, 20.0, 10.0)
+    z = (50.0, 50.0, 75.0, 93.0, 85.0, 110.0, 120.0)
+    assert world.distance_cm(np.column_stack([x, z])) == pytest.approx([3.0, 4.0, 5.0, 3.0, -5.0, 5.0, 5.0])
 
 
 def test_rooms_are_about_three_by_five_metres_with_a_goal_two_to_three_ahead_and_something_in_the_way():

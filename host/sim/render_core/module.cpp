@@ -85,13 +85,16 @@ NB_MODULE(_render, module)
             nb::arg("material"), nb::arg("shadowed"))
         .def(
             "disc",
-            [](Scene &scene, Triple centre, double radius, int object, int part, const Material &material) {
+            [](Scene &scene, Triple centre, double radius, int object, int part, const Material &material,
+               bool faces_down) {
                 Surface s;
                 s.shape = Shape::disc;
-                s.origin = vec(centre), s.u = {radius, 0, 0}, s.v = {0, 0, radius}, s.normal = {0, -1, 0};
+                s.origin = vec(centre), s.u = {radius, 0, 0}, s.v = {0, 0, radius};
+                s.normal = {0.0, faces_down ? 1.0 : -1.0, 0.0};
                 add(scene, s, object, part, material);
             },
-            nb::arg("centre"), nb::arg("radius"), nb::arg("object"), nb::arg("part"), nb::arg("material"))
+            nb::arg("centre"), nb::arg("radius"), nb::arg("object"), nb::arg("part"), nb::arg("material"),
+            nb::arg("faces_down") = false)
         .def(
             "ellipsoid",
             [](Scene &scene, Triple centre, Triple u, Triple v, Triple w, int object, int part,
