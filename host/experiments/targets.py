@@ -13,6 +13,7 @@ from host.experiments.markdown import number, percent, table
 from host.experiments.summary import Findings, Summary, summary_of
 from host.experiments.tables import BOXES, FLAT
 
+JUDGED = ("area", "outline", "vertex", "fused", "corner")  # methods whose sigmas are
 ONE_SIGMA, TWO_SIGMA = (64.0, 72.0), (92.0, 98.0)  # percent of errors that should lie within
 
 
@@ -80,8 +81,10 @@ def targets_table(rows: list[Target]) -> str:
 def honesty_table(pulls: list[Pull]) -> str:
     """Share of errors within one and two sigmas, by method."""
     rows = []
-    for method in dict.fromkeys(pull.method for pull in pulls):
+    for method in JUDGED:
         size = np.abs([pull.sigmas for pull in pulls if pull.method == method])
+        if len(size) == 0:
+            continue
         shares = (percent(100 * float(np.mean(size < sigmas))) for sigmas in (1, 2))
         rows.append([method, str(len(size)), *shares, number(float(np.percentile(size, 95)), 2)])
     return table(("method", "depths", "within 1 sigma", "within 2 sigma", "95 % within, sigmas"), rows)
@@ -157,7 +160,7 @@ def _odometry(findings: Findings, turns: list[Turn]) -> Iterator[Target]:
 
 
 def _honesty(pulls: list[Pull]) -> Iterator[Target]:
-    for method in ("area", "outline", "vertex", "fused", "corner"):
+    for method in JUDGED:
         size = np.abs([pull.sigmas for pull in pulls if pull.method == method])
         for sigmas, (least, most) in ((1, ONE_SIGMA), (2, TWO_SIGMA)):
             share = 100 * float(np.mean(size < sigmas)) if len(size) else math.nan
