@@ -1,5 +1,6 @@
 #include "comparison.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 namespace depth {
@@ -18,8 +19,8 @@ std::vector<Face> faces_of(const FrameView& frame) {
 }
 
 Comparison::Comparison(const Camera& camera, const std::vector<const Keyframe*>& keyframes,
-                       const std::vector<Face>& faces)
-    : camera_(camera), keyframes_(keyframes), present_regions_(faces.size()) {
+                       const std::vector<Face>& faces, const Samples& samples)
+    : camera_(camera), samples_(&samples), keyframes_(keyframes) {
     for (const Keyframe* then : keyframes_) {
         std::vector<char>& alike = alike_.emplace_back();
         for (const Face& a : faces)
@@ -36,28 +37,40 @@ void Comparison::place(const Path& path, int present) {
         ahead_here_.push_back(back * path.at(present).ahead);
         ahead_there_.push_back(back * path.at(then->frame).ahead);
     }
+    const std::size_t points = samples_->rows.size() / 2, frames = keyframes_.size();
+    turned_.resize(points * frames);
+    for (std::size_t i = 0; i < points; ++i) {
+        const Sample& s = samples_->rows[2 * i];
+        for (std::size_t k = 0; k < frames; ++k) {
+            Turned& t = turned_[i * frames + k];
+            const Mat3& turn = moves_[k].turn;
+            t.ray = turn * s.ray;
+            // the outline's direction turns with the camera
+            const Vec3 swing = turn * Vec3{s.along.x, s.along.y, 0.0};
+            const double inverse = 1 / t.ray.z;
+            const double tx = (swing.x - t.ray.x * inverse * swing.z) * camera_.fx;
+            const double ty = (swing.y - t.ray.y * inverse * swing.z) * camera_.fy;
+            const double size = 1 / std::sqrt(std::max(tx * tx + ty * ty, 1e-24));
+            t.nx = static_cast<float>(ty * size), t.ny = static_cast<float>(-tx * size);
+            t.direction = direction_of(t.nx, t.ny);
+        }
+    }
 }
 
-bool Comparison::match(const Sample& s, std::size_t k, double rho, Matched& out) const {
-    const Move& move = moves_[k];
-    const Vec3 turned = move.turn * s.ray;
-    const Vec3 a = turned + rho * move.shift_cm;
+bool Comparison::match(std::size_t row, std::size_t k, double rho, Matched& out) const {
+    const Turned& turned = turned_[row / 2 * keyframes_.size() + k];
+    const Vec3 a = turned.ray + rho * moves_[k].shift_cm;
     if (!(a.z > NEAREST_SHARE)) return false;
     const Vec2 q = camera_.pixel(a);
-    // the outline's direction turns with the camera
-    const Vec3 swing = move.turn * Vec3{s.along.x, s.along.y, 0.0};
-    const double tx = (swing.x - turned.x / turned.z * swing.z) * camera_.fx;
-    const double ty = (swing.y - turned.y / turned.z * swing.z) * camera_.fy;
-    const double size = std::sqrt(tx * tx + ty * ty);
-    if (!(size > 0)) return false;
-    const double nx = ty / size, ny = -tx / size;
-    const ContourMap::Point* there = keyframes_[k]->map.nearest(
-        static_cast<float>(q.x), static_cast<float>(q.y), direction_of(static_cast<float>(nx), static_cast<float>(ny)));
+    const ContourMap::Point* there = keyframes_[k]->map.nearest(static_cast<float>(q.x), static_cast<float>(q.y),
+                                                                turned.direction);
     if (there == nullptr) return false;
+    const double nx = turned.nx, ny = turned.ny;
     double cosine = nx * there->nx + ny * there->ny;
     const bool opposite = cosine < 0;
     if (opposite) cosine = -cosine;
     if (!(cosine > LIKE_NORMAL)) return false;
+    const Sample& s = samples_->rows[row];
     // the region itself must lie on the same side of the edge; what lies beyond may have changed
     const std::int32_t inner = (s.side == 0) != opposite ? there->left : there->right;
     const std::size_t widest = keyframes_[k]->faces.size();
@@ -73,21 +86,22 @@ bool Comparison::match(const Sample& s, std::size_t k, double rho, Matched& out)
     return true;
 }
 
-bool Comparison::residual(const Sample& s, std::size_t k, double rho, double& px) const {
+bool Comparison::residual(std::size_t row, std::size_t k, double rho, double& px) const {
     Matched m;
-    if (!match(s, k, rho, m)) return false;
+    if (!match(row, k, rho, m)) return false;
     px = m.residual;
     return true;
 }
 
-Look Comparison::look(const Sample& s, std::size_t k, double rho) const {
+Look Comparison::look(std::size_t row, std::size_t k, double rho) const {
     Look out;
     Matched m;
-    if (!match(s, k, rho, m)) return out;
+    if (!match(row, k, rho, m)) return out;
     const double inverse = 1 / m.seen.z, x = m.seen.x * inverse, y = m.seen.y * inverse;
     const double fx = camera_.fx * m.nx * inverse, fy = camera_.fy * m.ny * inverse;
     const auto px = [&](Vec3 da) { return (da.x - x * da.z) * fx + (da.y - y * da.z) * fy; };
     const Move& move = moves_[k];
+    const Sample& s = samples_->rows[row];
     out.good = true;
     out.residual = m.residual;
     out.gain = px(move.shift_cm);

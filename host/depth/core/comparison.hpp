@@ -45,7 +45,7 @@ struct Look {
 class Comparison {
   public:
     Comparison(const Camera& camera, const std::vector<const Keyframe*>& keyframes,
-               const std::vector<Face>& faces);
+               const std::vector<Face>& faces, const Samples& samples);
 
     // Where the cameras are believed to have been; to be called before looking and after every change.
     void place(const Path& path, int present);
@@ -53,9 +53,9 @@ class Comparison {
     std::size_t frames() const { return keyframes_.size(); }
     const Move& move(std::size_t k) const { return moves_[k]; }
 
-    // The residual alone, or the derivatives with it.
-    bool residual(const Sample& s, std::size_t k, double rho, double& px) const;
-    Look look(const Sample& s, std::size_t k, double rho) const;
+    // Of a row of the samples in one earlier frame: the residual alone, or the derivatives with it.
+    bool residual(std::size_t row, std::size_t k, double rho, double& px) const;
+    Look look(std::size_t row, std::size_t k, double rho) const;
 
   private:
     struct Matched {
@@ -63,13 +63,20 @@ class Comparison {
         double nx, ny;      // mean normal of sample and match
         double residual;
     };
-    bool match(const Sample& s, std::size_t k, double rho, Matched& out) const;
+    // A sample as an earlier camera would see it, were it infinitely far away.
+    struct Turned {
+        Vec3 ray;
+        float nx = 0, ny = 0;  // its normal
+        int direction = 0;     // of that, as the keyframes file it
+    };
+    bool match(std::size_t row, std::size_t k, double rho, Matched& out) const;
 
     Camera camera_;
+    const Samples* samples_;
     std::vector<const Keyframe*> keyframes_;
+    std::vector<Turned> turned_;  // [point][k]; rows come in pairs of one point
     std::vector<Move> moves_;
     std::vector<Vec3> ahead_here_, ahead_there_;  // directions of travel in the earlier cameras' axes
-    std::size_t present_regions_;
     std::vector<std::vector<char>> alike_;  // [k][present region][earlier region]
 };
 

@@ -52,7 +52,7 @@ void JointFit::look(const Comparison& comparison, const std::vector<RegionState>
     for (std::size_t n = 0; n < samples_->rows.size(); ++n) {
         const Sample& s = samples_->rows[n];
         const double rho = std::max(state[static_cast<std::size_t>(s.region)].at(s.offset), LEAST_RHO);
-        for (std::size_t k = 0; k < frames_; ++k) looks_[row_of(n, k)] = comparison.look(s, k, rho);
+        for (std::size_t k = 0; k < frames_; ++k) looks_[row_of(n, k)] = comparison.look(n, k, rho);
     }
 }
 

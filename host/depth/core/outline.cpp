@@ -101,9 +101,9 @@ std::vector<OutlineAnswer> OutlineMethod::answers(const FrameView& frame, Path& 
         middle.push_back(polygon_moments(r.loops).centre);
         extents.push_back({outline_length(r.loops), r.touches_border});
     }
-    const Samples samples = pick_samples(frame, camera_, middle, config_.border_px, config_.spacing_px);
+    const Samples samples = pick_samples(frame, camera_, middle, config_.border_px, config_.spacing_px, config_.most_points);
     if (samples.rows.empty()) return none("no outline to measure");
-    Comparison comparison(camera_, then, faces_of(frame));
+    Comparison comparison(camera_, then, faces_of(frame), samples);
 
     // where to begin
     std::vector<char> wanted(n, 0);
@@ -163,7 +163,7 @@ std::vector<OutlineAnswer> OutlineMethod::answers(const FrameView& frame, Path& 
     JointFit fit(samples, n, then.size());
     FitSettings settings;
     settings.noise_px = config_.noise_px;
-    settings.correlation = std::max(1.0, config_.correlation_px / config_.spacing_px);
+    settings.correlation = std::max(1.0, config_.correlation_px / samples.spacing_px);
     for (std::size_t round = 0; round < std::size(GATES_PX) + 2; ++round) {
         settings.gate_px = GATES_PX[std::min(round, std::size(GATES_PX) - 1)];
         if (round >= std::size(GATES_PX) - 1) {

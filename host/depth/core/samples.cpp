@@ -8,11 +8,11 @@
 namespace depth {
 
 namespace {
-constexpr double FEWEST = 16;  // samples of a boundary where it has so many
+constexpr double FEWEST = 10;  // samples of a boundary where it has so many
 }
 
 Samples pick_samples(const FrameView& frame, const Camera& camera, const std::vector<Vec2>& middle,
-                     double border_px, double spacing_px) {
+                     double border_px, double spacing_px, std::size_t most) {
     Samples out;
     std::unordered_map<std::int64_t, int> known;
     const std::size_t n = frame.outline_px.size(), regions = frame.regions.size();
@@ -29,9 +29,12 @@ Samples pick_samples(const FrameView& frame, const Camera& camera, const std::ve
         boundary[i] = it->second;
         out.boundaries[static_cast<std::size_t>(it->second)].length_px += frame.outline_length_px[i];
     }
+    double all_px = 0;
+    for (const Boundary& b : out.boundaries) all_px += b.length_px;
+    out.spacing_px = std::max(spacing_px, all_px / static_cast<double>(most));
     std::vector<double> since(out.boundaries.size(), 0.0), gap(out.boundaries.size());
     for (std::size_t b = 0; b < gap.size(); ++b) {
-        gap[b] = std::min(spacing_px, out.boundaries[b].length_px / FEWEST);
+        gap[b] = std::min(out.spacing_px, out.boundaries[b].length_px / FEWEST);
         since[b] = gap[b] / 2;
     }
     for (std::size_t i = 0; i < n; ++i) {

@@ -25,14 +25,16 @@ struct Boundary {
 };
 
 struct Samples {
-    std::vector<Sample> rows;
+    std::vector<Sample> rows;  // both sides of a point next to each other, the left one first
     std::vector<Boundary> boundaries;
+    double spacing_px = 0.0;   // between points, on long boundaries
 };
 
-// Picks samples `spacing_px` apart along every boundary, closer on short ones.
+// Picks points `spacing_px` apart along every boundary, closer on short ones, farther apart where there would
+// be more than `most` of them.
 //
 // border_px: how far from the image border a sample must lie
 Samples pick_samples(const FrameView& frame, const Camera& camera, const std::vector<Vec2>& middle,
-                     double border_px, double spacing_px);
+                     double border_px, double spacing_px, std::size_t most);
 
 }  // namespace depth

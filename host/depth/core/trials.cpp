@@ -26,12 +26,12 @@ std::vector<Start> best_trials(const Comparison& comparison, const Samples& samp
     for (std::size_t i = 0; i < use; ++i) chosen.push_back(order[i * order.size() / use]);
     std::vector<std::size_t> count(regions, 0);
     for (const Sample& s : samples.rows) ++count[static_cast<std::size_t>(s.region)];
-    std::vector<std::vector<const Sample*>> looked(regions);
+    std::vector<std::vector<std::size_t>> looked(regions);
     std::vector<std::size_t> rank(regions, 0);
-    for (const Sample& s : samples.rows) {
-        const auto r = static_cast<std::size_t>(s.region);
+    for (std::size_t n = 0; n < samples.rows.size(); ++n) {
+        const auto r = static_cast<std::size_t>(samples.rows[n].region);
         const std::size_t stride = std::max<std::size_t>(count[r] / POINTS, 1);
-        if (wanted[r] && rank[r]++ % stride == 0) looked[r].push_back(&s);
+        if (wanted[r] && rank[r]++ % stride == 0) looked[r].push_back(n);
     }
     std::vector<double> rhos(TRIALS);
     const double ratio = std::log(farthest_cm / nearest_cm) / (TRIALS - 1);
@@ -43,10 +43,10 @@ std::vector<Start> best_trials(const Comparison& comparison, const Samples& samp
         const double each = 1 / static_cast<double>(looked[r].size() * chosen.size());
         for (std::size_t t = 0; t < TRIALS; ++t) {
             double sum = 0;
-            for (const Sample* s : looked[r])
+            for (const std::size_t n : looked[r])
                 for (const std::size_t k : chosen) {
                     double px = 0;
-                    sum += comparison.residual(*s, k, rhos[t], px) ? std::min(px * px / (GATE_PX * GATE_PX), 1.0) : 1.0;
+                    sum += comparison.residual(n, k, rhos[t], px) ? std::min(px * px / (GATE_PX * GATE_PX), 1.0) : 1.0;
                 }
             cost[t] = sum * each;
         }
