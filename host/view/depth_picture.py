@@ -94,8 +94,10 @@ def draw_depth(
 
         error = found.depth_cm / truth - 1
 
+        errors = {region.id: error[found.region == k] for k, region in enumerate(snapshot.regions)}
+
         def error_text(region: Region) -> str | None:
-            own = error[found.region == snapshot.regions.index(region)]
+            own = errors[region.id]
             return None if np.isnan(own).all() else f"{100 * np.nanmedian(own):+.1f} %"
 
         panels.append(panel(error, RELATIVE_ERROR, "error, far is red", error_text))

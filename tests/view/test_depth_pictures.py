@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from test_pictures import GREY, SQUARE, report, snapshot
 
-from host.depth.report import DepthReport, RegionDepth, VertexDepths
+from host.depth.report import DepthReport, RegionDepth, SolvedMotion, VertexDepths
 from host.pose import Pose
+from host.record.sequence import read_sequence
 from host.view.colour_scale import LEGEND_PX, RELATIVE_ERROR, RELATIVE_SIGMA, ColourScale, depth_scale
 from host.view.depth_map import depth_map, depths_at
 from host.view.depth_picture import GAP_PX, HATCH, MOVING, WIDTH_PX, draw_depth
+from host.view.sequence_pictures import SequencePictures
 from host.view.space_picture import PATH, SIZE_PX, draw_space, space_of
 
 LEFT = np.array([[20.0, 60], [120, 60], [120, 180], [20, 180]])
@@ -145,6 +149,24 @@ def test_one_depth_or_none_still_make_a_scale_that_a_legend_can_show():
         assert scale.ticks[-1] >= 2 * scale.ticks[0]
         assert all(scale.ticks[0] <= d <= scale.ticks[-1] for d in depths)
         assert scale.legend(200, "depth, cm").shape == (LEGEND_PX, 200, 3)
+
+
+def test_the_path_in_space_is_that_of_the_solved_camera_where_it_was_solved(
+    sequence_folder: Path, tmp_path: Path
+):
+    def drawn(*motions: SolvedMotion | None) -> np.ndarray:
+        pictures = SequencePictures(read_sequence(sequence_folder), tmp_path)
+        for motion in motions:
+            pictures.add(snapshot(LEFT), replace(report(NEAR), motion=motion))
+        pictures.write(lambda: None)
+        return cv2.imread(str(tmp_path / "vertices.png"))
+
+    def solved(x_cm: float, z_cm: float) -> SolvedMotion:
+        return SolvedMotion(Pose.planar(x_cm, z_cm, 0.0), 0.0, 0.0, 0.0)
+
+    odometry = drawn(None, None, None, None)
+    assert np.array_equal(odometry, drawn(*(solved(0.0, 2.0 * k) for k in range(4))))
+    assert not np.array_equal(odometry, drawn(*(solved(2.0 * k, 2.0 * k) for k in range(4))))
 
 
 # --- In space ---------------------------------------------------------------------------------------
