@@ -24,14 +24,15 @@ class DepthConfig:
     # area
     area_history: int = 32  # frames kept for each region
     area_shape_change: float = 0.35  # change of shape over change of size beyond which area declines
-    area_outline_px: float = 0.1  # by which a whole outline shifts in or out from frame to frame
+    area_outline_px: float = 0.15  # by which all of an outline lies too far in or out, always alike
+    area_drift_px: float = 0.05  # by which that changes along the way
     area_own_share: float = 0.97  # of its outline that must be the region's own
 
     # vertices
-    vertex_history: int = 20  # frames kept
+    vertex_history: int = 12  # frames kept
     vertex_noise_px: float = 0.1  # a vertex is never taken to be better than this
     vertex_default_sigma_px: float = 0.5  # of a vertex that does not know its own
-    vertex_model_share: float = 0.02  # model error of a region's mean against its corners
+    vertex_model_share: float = 0.01  # model error of a region's mean even on a flat face
 
     # outline
     keyframes: int = 6  # earlier frames the present outline is compared with

@@ -152,15 +152,18 @@ EXACT = Noise(0.0, 0.0, 0.0, 0.0)
 
 
 class Run:
-    """Both methods on one run of frames."""
+    """Both methods on one run of frames.
 
-    def __init__(self, lens: Lens, noise: Noise | None = None, corner_sigma_px: float = 0.0) -> None:
+    Parameters
+    ----------
+    exact_outlines : whether outlines are known not to lie too far in or out
+    """
+
+    def __init__(self, lens: Lens, noise: Noise | None = None, exact_outlines: bool = False) -> None:
         noise = noise or Noise()
         camera = [lens.width, lens.height, lens.fx, lens.fy, lens.cx, lens.cy]
         trust = [noise.travel_cm, noise.turn_rad, noise.turn_share, noise.timing_s]
-        self._at = ctypes.c_void_p(
-            library().run_new(_doubles(camera), _doubles(trust), ctypes.c_double(corner_sigma_px))
-        )
+        self._at = ctypes.c_void_p(library().run_new(_doubles(camera), _doubles(trust), int(exact_outlines)))
 
     def __del__(self) -> None:
         library().run_delete(self._at)

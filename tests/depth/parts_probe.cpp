@@ -83,11 +83,11 @@ void probe_relief(const double* xy, int n, int cut, double* two) {
 int probe_may_be_one_face(const double* xy, int n) { return may_be_one_face(loops_from(xy, &n, 1)[0]); }
 
 // camera: width, height, fx, fy, cx, cy; noise: of travel, turn, share of a turn, timing
-Run* run_new(const double* camera, const double* noise, double corner_sigma_px) {
+Run* run_new(const double* camera, const double* noise, int exact_outlines) {
     const Camera c{static_cast<int>(camera[0]), static_cast<int>(camera[1]), camera[2], camera[3], camera[4], camera[5]};
-    VertexConfig vertex;
-    if (corner_sigma_px > 0) vertex.noise_px = corner_sigma_px;
-    return new Run{Path({noise[0], noise[1], noise[2], noise[3]}), AreaMethod(c, {}), VertexMethod(c, vertex), {}, {}, 0};
+    AreaConfig area;
+    if (exact_outlines) area.outline_px = area.drift_px = 0.0;
+    return new Run{Path({noise[0], noise[1], noise[2], noise[3]}), AreaMethod(c, area), VertexMethod(c, {}), {}, {}, 0};
 }
 
 void run_delete(Run* run) { delete run; }

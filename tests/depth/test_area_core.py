@@ -237,7 +237,7 @@ def approach(kind: str, seed: int) -> tuple[Said, float] | None:
     first = seen(solid)
     if first is None:
         return None
-    run = Run(LENS, EXACT)
+    run = Run(LENS, EXACT, exact_outlines=True)
     for k in range(6):
         forward = 0.02 * k * first.surface_cm
         now = seen(solid, forward)

@@ -273,7 +273,10 @@ Answer AreaMethod::update(const RegionView& region, const FrameView& frame, cons
     const double noise =
         square(line.scale / line.slope / along_way) * (1 / line.weight + square(along_way + line.mean_x) / line.sxx);
     const double travel = farthest_.travel_sigma_cm / std::max(std::abs(farthest_.shift_cm.z), 1e-9);
-    const double bias = config_.outline_px * outline_length(region.loops) / (2 * region.area_px);
+    // an outline that is d too far out makes a size too large by d times this, relative
+    const double per_px = outline_length(region.loops) / (2 * region.area_px);
+    const double growth = line.slope * way / line.mean_y;
+    const double bias = per_px * std::sqrt(square(config_.outline_px) + square(config_.drift_px / growth));
     const Relief relief = relief_of(region.loops.front(), false);
     const double width2 = region.area_px / square(camera_.focal());
     const double surface = (square(relief.k) + square(relief.sigma_k)) * width2 + square(FLAT_SHARE);

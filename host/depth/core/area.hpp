@@ -41,7 +41,8 @@ namespace depth {
 struct AreaConfig {
     int history = 32;                // frames kept
     double shape_change = 0.35;      // strain of the shape over growth of the size beyond which it declines
-    double outline_px = 0.1;         // by which all of an outline may lie too far in or out, always alike
+    double outline_px = 0.15;        // by which all of an outline lies too far in or out, always alike
+    double drift_px = 0.05;          // by which that changes along the way
     double own_share = 0.97;         // of its outline that must be the region's own
     double min_change = 0.015;       // relative change of size that the motion must cause
     double min_step_cm = 0.3;        // a frame nearer than this to the last one kept is not kept

@@ -45,6 +45,7 @@ depth::Config config_from(const nb::dict& values) {
     const double step = s["min_step_cm"], worst = s["max_relative_sigma"];
     c.area.history = s.whole("area_history");
     c.area.shape_change = s["area_shape_change"], c.area.outline_px = s["area_outline_px"];
+    c.area.drift_px = s["area_drift_px"];
     c.area.own_share = s["area_own_share"];
     c.area.min_change = s["min_change"], c.area.min_step_cm = step, c.area.max_relative_sigma = worst;
     c.vertex.history = s.whole("vertex_history");

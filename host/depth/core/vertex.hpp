@@ -28,7 +28,7 @@ struct VertexConfig {
     int history = 12;                // frames kept
     double noise_px = 0.1;           // a vertex is never taken to be better than this beforehand
     double default_sigma_px = 0.5;   // of a vertex that does not know its own
-    double model_share = 0.005;      // model error of a region's mean even on a flat face
+    double model_share = 0.01;       // model error of a region's mean even on a flat face
     double min_step_cm = 0.3;        // a frame nearer than this to the last one kept is not kept
     double max_relative_sigma = 0.3; // a depth worse than this is declined
 };
