@@ -8,7 +8,7 @@ from functools import partial
 
 from host.depth.config import DepthConfig
 from host.experiments.course import Course
-from host.experiments.run import Task
+from host.experiments.task import Task
 from host.rbdn import NetConfig
 from host.sim.experiment_scenes import experiment_1, experiment_2, experiment_3, slants
 from host.sim.render import WebcamModel

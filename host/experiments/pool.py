@@ -10,7 +10,8 @@ from multiprocessing import get_context
 
 from host.errors import DeviceError
 from host.experiments.findings import RunResult
-from host.experiments.run import Task, run_task
+from host.experiments.run import run_task
+from host.experiments.task import Task
 
 
 def run_all(tasks: Sequence[Task], jobs: int) -> list[RunResult]:

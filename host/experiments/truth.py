@@ -92,3 +92,11 @@ class FrameTruth:
 def pixel_of(xyz_cm: np.ndarray, lens: Lens) -> np.ndarray:
     """(2,) where a point in the camera's frame is seen."""
     return lens.to_pixels((xyz_cm[:2] / xyz_cm[2])[None])[0]
+
+
+def by_object(shown: list[Shown]) -> dict[int, list[Shown]]:
+    """Regions by the id of the object they show."""
+    out: dict[int, list[Shown]] = {}
+    for one in shown:
+        out.setdefault(one.object_id, []).append(one)
+    return out

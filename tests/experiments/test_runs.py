@@ -16,8 +16,9 @@ from host.experiments import run
 from host.experiments.catalogue import EXPERIMENT_1, tasks
 from host.experiments.course import COUNT_CM, Course, drive
 from host.experiments.findings import RunResult
-from host.experiments.run import Task, run_task
+from host.experiments.run import run_task
 from host.experiments.summary import Findings, summary_of
+from host.experiments.task import Task
 from host.pose import Pose
 from host.rbdn import NetConfig, Snapshot
 from host.sim.experiment_scenes import experiment_1
