@@ -48,8 +48,10 @@ JointFit::JointFit(const Samples& samples, std::size_t regions, std::size_t fram
     scale_.assign(regions, 1.0);
 }
 
-void JointFit::look(const Comparison& comparison, const std::vector<RegionState>& state) {
+void JointFit::look(const Comparison& comparison, const std::vector<RegionState>& state,
+                    const std::vector<double>& own) {
     for (std::size_t n = 0; n < samples_->rows.size(); ++n) {
+        if (!(own[n] > 0)) continue;
         const Sample& s = samples_->rows[n];
         const double rho = std::max(state[static_cast<std::size_t>(s.region)].at(s.offset), LEAST_RHO);
         for (std::size_t k = 0; k < frames_; ++k) looks_[row_of(n, k)] = comparison.look(n, k, rho);
@@ -63,30 +65,29 @@ void JointFit::step(const std::vector<double>& own, const std::vector<double>& t
     const double gate = settings.gate_px;
     for (std::size_t n = 0; n < rows; ++n) {  // plain mean to begin with
         double sum = 0, total = 1;
-        for (std::size_t k = 0; k < frames_; ++k) {
-            const Look& l = looks_[row_of(n, k)];
-            if (l.good && std::abs(l.residual) < gate) sum += l.residual, total += 1;
-        }
+        const Look* looks = &looks_[row_of(n, 0)];
+        for (std::size_t k = 0; k < frames_; ++k)
+            if (looks[k].good && std::abs(looks[k].residual) < gate) sum += looks[k].residual, total += 1;
         common_[n] = sum / total;
     }
     std::fill(scale_.begin(), scale_.end(), 1.0);
     std::vector<double> spread(regions_), freedom(regions_);
-    std::vector<double> motion(m * m), gradient(m);
-    std::vector<double> row_b(m);
     for (int pass = 0; pass < PASSES; ++pass) {
         std::fill(spread.begin(), spread.end(), 0.0), std::fill(freedom.begin(), freedom.end(), 0.0);
         for (std::size_t n = 0; n < rows; ++n) {
             const auto r = static_cast<std::size_t>(samples_->rows[n].region);
-            const double reach = std::min(gate, TUKEY * scale_[r]);
+            const double shrink = 1 / std::min(gate, TUKEY * scale_[r]);
             double total = 1, sum = 0, squares = 0;
+            const Look* looks = &looks_[row_of(n, 0)];
+            double* weights = &weight_[row_of(n, 0)];
             for (std::size_t k = 0; k < frames_; ++k) {
-                const Look& l = looks_[row_of(n, k)];
+                const Look& l = looks[k];
                 double w = 0;
                 if (l.good && std::abs(l.residual) < gate) {
-                    const double u = 1 - square((l.residual - common_[n]) / reach);
+                    const double u = 1 - square((l.residual - common_[n]) * shrink);
                     w = u > 0 ? u * u : 0;
                 }
-                weight_[row_of(n, k)] = w;
+                weights[k] = w;
                 total += w, sum += w * l.residual, squares += w * square(l.residual);
             }
             common_[n] = sum / total, total_[n] = total;
@@ -96,166 +97,167 @@ void JointFit::step(const std::vector<double>& own, const std::vector<double>& t
             freedom[r] += trust_[n] * (total - 1);
         }
         for (std::size_t r = 0; r < regions_; ++r)
-            scale_[r] = freedom[r] > 0 ? std::max(settings.noise_px, TUKEY_SPREAD * std::sqrt(spread[r] / freedom[r]))
-                                       : 1.0;
-        // the system
-        blocks_.assign(regions_, {});
-        for (Block& b : blocks_) b.b.assign(3 * m, 0.0);
-        std::fill(motion.begin(), motion.end(), 0.0), std::fill(gradient.begin(), gradient.end(), 0.0);
-        for (std::size_t n = 0; n < rows; ++n) {
-            const Sample& s = samples_->rows[n];
-            const auto r = static_cast<std::size_t>(s.region);
-            const double w_row = trust_[n] / (square(scale_[r]) * settings.correlation);
-            if (!(w_row > 0) || !(total_[n] > 1)) continue;
-            double g = 0;
-            std::array<double, 3> here{};
-            const double* weights = &weight_[row_of(n, 0)];
-            const Look* looks = &looks_[row_of(n, 0)];
-            for (std::size_t k = 0; k < frames_; ++k) {
-                g += weights[k] * looks[k].gain;
-                for (std::size_t i = 0; i < 3; ++i) here[i] += weights[k] * looks[k].here[i];
+            scale_[r] = freedom[r] > 0
+                            ? std::max(settings.noise_px, TUKEY_SPREAD * std::sqrt(std::max(spread[r], 0.0) / freedom[r]))
+                            : 1.0;
+    }
+    std::vector<double> motion(m * m, 0.0), gradient(m, 0.0), row_b(m);
+    // the system
+    blocks_.assign(regions_, {});
+    for (Block& b : blocks_) b.b.assign(3 * m, 0.0);
+    for (std::size_t n = 0; n < rows; ++n) {
+        const Sample& s = samples_->rows[n];
+        const auto r = static_cast<std::size_t>(s.region);
+        const double w_row = trust_[n] / (square(scale_[r]) * settings.correlation);
+        if (!(w_row > 0) || !(total_[n] > 1)) continue;
+        double g = 0;
+        std::array<double, 3> here{};
+        const double* weights = &weight_[row_of(n, 0)];
+        const Look* looks = &looks_[row_of(n, 0)];
+        for (std::size_t k = 0; k < frames_; ++k) {
+            g += weights[k] * looks[k].gain;
+            for (std::size_t i = 0; i < 3; ++i) here[i] += weights[k] * looks[k].here[i];
+        }
+        g /= total_[n];
+        for (double& h : here) h /= total_[n];
+        double gg = -total_[n] * g * g, ge = -total_[n] * g * common_[n];
+        std::fill(row_b.begin(), row_b.end(), 0.0);
+        std::array<double, 3> he{};
+        std::array<double, 6> hh{};
+        for (std::size_t k = 0; k < frames_; ++k) {
+            const double w = weights[k];
+            if (!(w > 0)) continue;
+            const Look& l = looks[k];
+            gg += w * l.gain * l.gain, ge += w * l.gain * l.residual;
+            if (cameras == nullptr) continue;
+            std::array<double, 3> off;
+            for (std::size_t i = 0; i < 3; ++i) off[i] = l.here[i] - here[i];
+            const double ek = l.residual - common_[n], gk = l.gain - g;
+            hh[0] += w * off[0] * off[0], hh[1] += w * off[0] * off[1], hh[2] += w * off[0] * off[2];
+            hh[3] += w * off[1] * off[1], hh[4] += w * off[1] * off[2], hh[5] += w * off[2] * off[2];
+            for (std::size_t i = 0; i < 3; ++i) {
+                he[i] += w * off[i] * ek;
+                row_b[i] += w * off[i] * gk;
+                row_b[3 * (k + 1) + i] = w * l.there[i] * gk;
+                gradient[3 * (k + 1) + i] += w_row * w * l.there[i] * ek;
             }
-            g /= total_[n];
-            for (double& h : here) h /= total_[n];
-            double gg = -total_[n] * g * g, ge = -total_[n] * g * common_[n];
-            std::fill(row_b.begin(), row_b.end(), 0.0);
-            std::array<double, 3> he{};
-            std::array<double, 6> hh{};
+        }
+        if (cameras != nullptr) {
+            // the eliminated position counts as one more look with zero derivatives and residual
+            for (std::size_t i = 0; i < 3; ++i) {
+                he[i] += here[i] * common_[n];
+                row_b[i] += here[i] * g;
+            }
+            hh[0] += here[0] * here[0], hh[1] += here[0] * here[1], hh[2] += here[0] * here[2];
+            hh[3] += here[1] * here[1], hh[4] += here[1] * here[2], hh[5] += here[2] * here[2];
+            const std::size_t order[9] = {0, 1, 2, 1, 3, 4, 2, 4, 5};
+            for (std::size_t i = 0; i < 3; ++i) {
+                gradient[i] += w_row * he[i];
+                for (std::size_t j = 0; j < 3; ++j) motion[i * m + j] += w_row * hh[order[3 * i + j]];
+            }
             for (std::size_t k = 0; k < frames_; ++k) {
                 const double w = weights[k];
                 if (!(w > 0)) continue;
-                const Look& l = looks[k];
-                gg += w * l.gain * l.gain, ge += w * l.gain * l.residual;
-                if (cameras == nullptr) continue;
-                std::array<double, 3> off;
-                for (std::size_t i = 0; i < 3; ++i) off[i] = l.here[i] - here[i];
-                const double ek = l.residual - common_[n], gk = l.gain - g;
-                hh[0] += w * off[0] * off[0], hh[1] += w * off[0] * off[1], hh[2] += w * off[0] * off[2];
-                hh[3] += w * off[1] * off[1], hh[4] += w * off[1] * off[2], hh[5] += w * off[2] * off[2];
+                const std::array<double, 3>& tk = looks[k].there;
                 for (std::size_t i = 0; i < 3; ++i) {
-                    he[i] += w * off[i] * ek;
-                    row_b[i] += w * off[i] * gk;
-                    row_b[3 * (k + 1) + i] = w * l.there[i] * gk;
-                    gradient[3 * (k + 1) + i] += w_row * w * l.there[i] * ek;
+                    const double v = w_row * w * tk[i];
+                    double* line = &motion[(3 * (k + 1) + i) * m];
+                    for (std::size_t j = 0; j < 3; ++j) {
+                        line[j] += v * (looks[k].here[j] - here[j]);
+                        line[3 * (k + 1) + j] += v * tk[j];
+                    }
+                    const double shared = v / total_[n];
+                    for (std::size_t q = 0; q <= k; ++q) {
+                        const double wq = shared * weights[q];
+                        for (std::size_t j = 0; j < 3; ++j) line[3 * (q + 1) + j] -= wq * looks[q].there[j];
+                    }
                 }
             }
+        }
+        const std::array<double, 3> one{1.0, s.offset.x, s.offset.y};
+        Block& block = blocks_[r];
+        for (std::size_t i = 0; i < 3; ++i) {
+            block.g[i] += w_row * ge * one[i];
+            for (std::size_t j = 0; j < 3; ++j) block.a[3 * i + j] += w_row * gg * one[i] * one[j];
             if (cameras != nullptr) {
-                // the eliminated position counts as one more look with zero derivatives and residual
-                for (std::size_t i = 0; i < 3; ++i) {
-                    he[i] += here[i] * common_[n];
-                    row_b[i] += here[i] * g;
-                }
-                hh[0] += here[0] * here[0], hh[1] += here[0] * here[1], hh[2] += here[0] * here[2];
-                hh[3] += here[1] * here[1], hh[4] += here[1] * here[2], hh[5] += here[2] * here[2];
-                const std::size_t order[9] = {0, 1, 2, 1, 3, 4, 2, 4, 5};
-                for (std::size_t i = 0; i < 3; ++i) {
-                    gradient[i] += w_row * he[i];
-                    for (std::size_t j = 0; j < 3; ++j) motion[i * m + j] += w_row * hh[order[3 * i + j]];
-                }
-                for (std::size_t k = 0; k < frames_; ++k) {
-                    const double w = weights[k];
-                    if (!(w > 0)) continue;
-                    const std::array<double, 3>& tk = looks[k].there;
-                    for (std::size_t i = 0; i < 3; ++i) {
-                        const double v = w_row * w * tk[i];
-                        double* line = &motion[(3 * (k + 1) + i) * m];
-                        for (std::size_t j = 0; j < 3; ++j) {
-                            line[j] += v * (looks[k].here[j] - here[j]);
-                            line[3 * (k + 1) + j] += v * tk[j];
-                        }
-                        const double shared = v / total_[n];
-                        for (std::size_t q = 0; q <= k; ++q) {
-                            const double wq = shared * weights[q];
-                            for (std::size_t j = 0; j < 3; ++j) line[3 * (q + 1) + j] -= wq * looks[q].there[j];
-                        }
-                    }
-                }
-            }
-            const std::array<double, 3> one{1.0, s.offset.x, s.offset.y};
-            Block& block = blocks_[r];
-            for (std::size_t i = 0; i < 3; ++i) {
-                block.g[i] += w_row * ge * one[i];
-                for (std::size_t j = 0; j < 3; ++j) block.a[3 * i + j] += w_row * gg * one[i] * one[j];
-                if (cameras != nullptr) {
-                    double* line = &block.b[i * m];
-                    const double v = w_row * one[i];
-                    for (std::size_t j = 0; j < m; ++j) line[j] += v * row_b[j];
-                }
+                double* line = &block.b[i * m];
+                const double v = w_row * one[i];
+                for (std::size_t j = 0; j < m; ++j) line[j] += v * row_b[j];
             }
         }
-        for (std::size_t i = 0; i < m; ++i)
-            for (std::size_t j = i + 1; j < m; ++j) motion[i * m + j] = motion[j * m + i];
+    }
+    for (std::size_t i = 0; i < m; ++i)
+        for (std::size_t j = i + 1; j < m; ++j) motion[i * m + j] = motion[j * m + i];
+    for (std::size_t r = 0; r < regions_; ++r) {
+        Block& block = blocks_[r];
+        block.a[0] += 1e-9;
+        const double hold = 1 / square(tilt[r]);
+        block.a[4] += hold, block.a[8] += hold;
+        block.g[1] += hold * state[r].slope.x, block.g[2] += hold * state[r].slope.y;
+    }
+    std::vector<double> moved(m, 0.0);
+    if (cameras != nullptr) {
+        for (std::size_t a = 0; a < count; ++a)
+            for (std::size_t b = 0; b < count; ++b) {
+                const double turn = prior.turn_precision[a * count + b];
+                const double travel = prior.travel_precision[a * count + b];
+                for (std::size_t i = 0; i < 2; ++i) {
+                    motion[(3 * a + i) * m + 3 * b + i] += turn;
+                    gradient[3 * a + i] += turn * (*cameras)[b][i];
+                }
+                motion[(3 * a + 2) * m + 3 * b + 2] += travel;
+                gradient[3 * a + 2] += travel * ((*cameras)[b][2] - prior.travel_mean_cm[b]);
+            }
         for (std::size_t r = 0; r < regions_; ++r) {
-            Block& block = blocks_[r];
-            block.a[0] += 1e-9;
-            const double hold = 1 / square(tilt[r]);
-            block.a[4] += hold, block.a[8] += hold;
-            block.g[1] += hold * state[r].slope.x, block.g[2] += hold * state[r].slope.y;
+            const Block& block = blocks_[r];
+            const std::array<double, 9> inverse = inverse3(block.a);
+            const std::array<double, 3> ag = times(inverse, block.g);
+            for (std::size_t i = 0; i < m; ++i) {
+                const std::array<double, 3> column{block.b[i], block.b[m + i], block.b[2 * m + i]};
+                if (column[0] == 0 && column[1] == 0 && column[2] == 0) continue;
+                const std::array<double, 3> ab = times(inverse, column);
+                gradient[i] -= column[0] * ag[0] + column[1] * ag[1] + column[2] * ag[2];
+                for (std::size_t j = 0; j < m; ++j)
+                    motion[i * m + j] -= ab[0] * block.b[j] + ab[1] * block.b[m + j] + ab[2] * block.b[2 * m + j];
+            }
         }
-        std::vector<double> moved(m, 0.0);
-        if (cameras != nullptr) {
+        motion_covariance_ = motion;
+        if (invert_spd(motion_covariance_, m)) {
+            for (std::size_t i = 0; i < m; ++i)
+                for (std::size_t j = 0; j < m; ++j) moved[i] -= motion_covariance_[i * m + j] * gradient[j];
             for (std::size_t a = 0; a < count; ++a)
-                for (std::size_t b = 0; b < count; ++b) {
-                    const double turn = prior.turn_precision[a * count + b];
-                    const double travel = prior.travel_precision[a * count + b];
-                    for (std::size_t i = 0; i < 2; ++i) {
-                        motion[(3 * a + i) * m + 3 * b + i] += turn;
-                        gradient[3 * a + i] += turn * (*cameras)[b][i];
-                    }
-                    motion[(3 * a + 2) * m + 3 * b + 2] += travel;
-                    gradient[3 * a + 2] += travel * ((*cameras)[b][2] - prior.travel_mean_cm[b]);
-                }
-            for (std::size_t r = 0; r < regions_; ++r) {
-                const Block& block = blocks_[r];
-                const std::array<double, 9> inverse = inverse3(block.a);
-                const std::array<double, 3> ag = times(inverse, block.g);
-                for (std::size_t i = 0; i < m; ++i) {
-                    const std::array<double, 3> column{block.b[i], block.b[m + i], block.b[2 * m + i]};
-                    if (column[0] == 0 && column[1] == 0 && column[2] == 0) continue;
-                    const std::array<double, 3> ab = times(inverse, column);
-                    gradient[i] -= column[0] * ag[0] + column[1] * ag[1] + column[2] * ag[2];
-                    for (std::size_t j = 0; j < m; ++j)
-                        motion[i * m + j] -= ab[0] * block.b[j] + ab[1] * block.b[m + j] + ab[2] * block.b[2 * m + j];
-                }
-            }
-            motion_covariance_ = motion;
-            if (invert_spd(motion_covariance_, m)) {
-                for (std::size_t i = 0; i < m; ++i)
-                    for (std::size_t j = 0; j < m; ++j) moved[i] -= motion_covariance_[i * m + j] * gradient[j];
-                for (std::size_t a = 0; a < count; ++a)
-                    for (std::size_t i = 0; i < 3; ++i) (*cameras)[a][i] += moved[3 * a + i];
-            } else {
-                motion_covariance_.clear();
-            }
+                for (std::size_t i = 0; i < 3; ++i) (*cameras)[a][i] += moved[3 * a + i];
+        } else {
+            motion_covariance_.clear();
         }
-        // regions, and the residuals as they will be
-        std::vector<RegionState> before = state;
-        for (std::size_t r = 0; r < regions_; ++r) {
-            Block& block = blocks_[r];
-            std::array<double, 3> g = block.g;
+    }
+    // regions, and the residuals as they will be
+    std::vector<RegionState> before = state;
+    for (std::size_t r = 0; r < regions_; ++r) {
+        Block& block = blocks_[r];
+        std::array<double, 3> g = block.g;
+        if (cameras != nullptr)
+            for (std::size_t i = 0; i < 3; ++i)
+                for (std::size_t j = 0; j < m; ++j) g[i] += block.b[i * m + j] * moved[j];
+        const std::array<double, 3> d = times(inverse3(block.a), g);
+        const double rho = state[r].rho;
+        state[r].rho = std::clamp(rho + std::clamp(-d[0], -0.3 * rho, 0.5 * rho), LEAST_RHO, GREATEST_RHO);
+        state[r].slope = state[r].slope - Vec2{d[1], d[2]};
+    }
+    for (std::size_t n = 0; n < rows; ++n) {
+        const Sample& s = samples_->rows[n];
+        const auto r = static_cast<std::size_t>(s.region);
+        const double change = state[r].at(s.offset) - before[r].at(s.offset);
+        double sum = 0, total = 1;
+        for (std::size_t k = 0; k < frames_; ++k) {
+            Look& l = looks_[row_of(n, k)];
+            l.residual += l.gain * change;
             if (cameras != nullptr)
                 for (std::size_t i = 0; i < 3; ++i)
-                    for (std::size_t j = 0; j < m; ++j) g[i] += block.b[i * m + j] * moved[j];
-            const std::array<double, 3> d = times(inverse3(block.a), g);
-            const double rho = state[r].rho;
-            state[r].rho = std::clamp(rho + std::clamp(-d[0], -0.3 * rho, 0.5 * rho), LEAST_RHO, GREATEST_RHO);
-            state[r].slope = state[r].slope - Vec2{d[1], d[2]};
+                    l.residual += l.here[i] * moved[i] + l.there[i] * moved[3 * (k + 1) + i];
+            sum += weight_[row_of(n, k)] * l.residual, total += weight_[row_of(n, k)];
         }
-        for (std::size_t n = 0; n < rows; ++n) {
-            const Sample& s = samples_->rows[n];
-            const auto r = static_cast<std::size_t>(s.region);
-            const double change = state[r].at(s.offset) - before[r].at(s.offset);
-            double sum = 0, total = 1;
-            for (std::size_t k = 0; k < frames_; ++k) {
-                Look& l = looks_[row_of(n, k)];
-                l.residual += l.gain * change;
-                if (cameras != nullptr)
-                    for (std::size_t i = 0; i < 3; ++i)
-                        l.residual += l.here[i] * moved[i] + l.there[i] * moved[3 * (k + 1) + i];
-                sum += weight_[row_of(n, k)] * l.residual, total += weight_[row_of(n, k)];
-            }
-            common_[n] = sum / total;
-        }
+        common_[n] = sum / total;
     }
 }
 

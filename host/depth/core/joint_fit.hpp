@@ -52,8 +52,8 @@ class JointFit {
   public:
     JointFit(const Samples& samples, std::size_t regions, std::size_t frames);
 
-    // Looks at every sample where `state` puts it.
-    void look(const Comparison& comparison, const std::vector<RegionState>& state);
+    // Looks at every sample that counts where `state` puts it.
+    void look(const Comparison& comparison, const std::vector<RegionState>& state, const std::vector<double>& own);
 
     // One robust step from the last look: moves `state`, and with `cameras` also the cameras' corrections
     // (pitch, yaw, travel of each).

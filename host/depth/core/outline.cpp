@@ -13,8 +13,10 @@ namespace depth {
 
 namespace {
 
-constexpr double GATES_PX[] = {5.0, 3.5, 2.5, 2.5};  // residuals beyond are not used; shrinks as the fit settles
-constexpr std::size_t FREE_CAMERAS_FROM = 1;         // of these rounds the cameras are solved too
+constexpr double GATES_PX[] = {5.0, 3.5, 2.5, 2.5, 2.5};  // residuals beyond are not used; shrinks as the fit settles
+constexpr std::size_t FREE_CAMERAS_FROM = 1;  // of these rounds the cameras are solved too,
+constexpr std::size_t SETTLED_FROM = 2;       // is where depths known from before begin,
+constexpr std::size_t OWNERS_FROM = 3;        // and outlines count for their owners only
 constexpr double MIN_OWN_PX = 20.0;    // of outline that is the region's own
 constexpr double MIN_OWN_SHARE = 0.25; // of its outline within the image
 constexpr double MIN_FOUND = 0.2;      // of its own outline over all kept frames
@@ -46,6 +48,7 @@ struct OutlineMethod::Shape {
     double length_px = 0.0;  // outline between regions
     double own = 0.0;        // share of it that is the region's own
     Vec2 middle;
+    double baseline_cm = 0.0;   // rms way from the frames its depth comes from
     double travel_sigma = 0.0;  // relative error of the ways its depth comes from, beyond what is solved
 };
 
@@ -164,17 +167,21 @@ std::vector<OutlineAnswer> OutlineMethod::answers(const FrameView& frame, Path& 
     FitSettings settings;
     settings.noise_px = config_.noise_px;
     settings.correlation = std::max(1.0, config_.correlation_px / samples.spacing_px);
-    for (std::size_t round = 0; round < std::size(GATES_PX) + 2; ++round) {
-        settings.gate_px = GATES_PX[std::min(round, std::size(GATES_PX) - 1)];
-        if (round >= std::size(GATES_PX) - 1) {
+    // what is known from the last frame need not be caught from afar
+    const bool fresh = std::any_of(wanted.begin(), wanted.end(), [](char w) { return w != 0; });
+    for (std::size_t round = fresh ? 0 : SETTLED_FROM; round < std::size(GATES_PX); ++round) {
+        settings.gate_px = GATES_PX[round];
+        if (round >= OWNERS_FROM) {
             own = own_rows(samples, fit.costs(settings), state, extents);
             for (std::size_t i = 0; i < own.size(); ++i) own[i] *= told[i];
         }
-        fit.look(comparison, state);
+        fit.look(comparison, state, own);
         fit.step(own, tilt, settings, prior, state, round >= FREE_CAMERAS_FROM ? &cameras : nullptr);
         if (round >= FREE_CAMERAS_FROM) place();
     }
-    ego.learn(path, frames, cameras, fit.camera_covariance());
+    // at rest nothing new is learnt
+    if (path.distance_cm(keyframes_.back().frame, present) >= config_.min_step_cm)
+        ego.learn(path, frames, cameras, fit.camera_covariance());
 
     std::vector<Shape> shapes(n);
     for (std::size_t i = 0; i < samples.rows.size(); ++i) {
@@ -186,9 +193,13 @@ std::vector<OutlineAnswer> OutlineMethod::answers(const FrameView& frame, Path& 
     for (std::size_t r = 0; r < n; ++r) {
         shapes[r].own /= std::max(shapes[r].length_px, 1e-9);
         shapes[r].middle = middle[r];
-        double unsolved = square(ego.scale_sigma());
-        for (std::size_t k = 0; k < then.size(); ++k)
-            unsolved += fits[r].share[k] * 2 * square(path.place_sigma_cm() / length(comparison.move(k).shift_cm));
+        double unsolved = square(ego.scale_sigma()), baseline = 0;
+        for (std::size_t k = 0; k < then.size(); ++k) {
+            const double way_cm = std::max(length(comparison.move(k).shift_cm), 1e-9);
+            unsolved += fits[r].share[k] * 2 * square(path.place_sigma_cm() / way_cm);
+            baseline += fits[r].share[k] * square(way_cm);
+        }
+        shapes[r].baseline_cm = std::sqrt(std::max(baseline, 1e-18));
         shapes[r].travel_sigma = std::sqrt(unsolved);
         out.push_back(answer(frame.regions[r], fits[r], start[r], shapes[r]));
     }
@@ -249,7 +260,7 @@ OutlineAnswer OutlineMethod::answer(const RegionView& region, const RegionFit& f
         return no(percent("too uncertain", relative));
     }
     out.surface.sigma_cm = relative * out.surface.depth_cm;
-    out.surface.sensitivity = 0.0;
+    out.surface.sensitivity = fit.shift_px / shape.baseline_cm;
     return out;
 }
 

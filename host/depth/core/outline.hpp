@@ -25,7 +25,7 @@ namespace depth {
 struct OutlineConfig {
     std::size_t keyframes = 6;     // earlier frames the present outline is compared with
     double spacing_px = 3.5;       // between samples of the present outline
-    std::size_t most_points = 400; // of them
+    std::size_t most_points = 700; // of them
     double border_px = 3.0;        // samples nearer to the image border are not used
     double noise_px = 0.12;        // an outline is never taken to be better than this
     double correlation_px = 8.0;   // neighbouring samples err alike over such a length
@@ -37,7 +37,7 @@ struct OutlineConfig {
 };
 
 struct OutlineAnswer {
-    Answer surface;             // mean over the visible surface
+    Answer surface;             // mean over the visible surface; sensitivity in px of outline for one cm
     double silhouette_cm = 0.0; // where the outline itself is; 0 where there is no answer
     bool slanted = false;
     Vec2 slope;                 // d(1/Z) per px, where the outline shows a slant
