@@ -171,8 +171,9 @@ class Renderer:
         """(3,): the shape's place at the height of its lower end, in world axes."""
         return np.array([shape.x_cm, self._floor_y - shape.base_cm, shape.z_cm])
 
-    def _seen_from_below(self, shape: Shape) -> bool:
-        return shape.base_cm > self._floor_y  # where the camera is, unless it climbs
+    def _seen_from_below(self, shape: Shape, prefix: str) -> bool:
+        hangs = not prefix  # while pieces of a group stand on one another
+        return hangs and shape.base_cm > self._floor_y  # where the camera is, unless it climbs
 
     def _add_cone(self, cone: Cone | Cylinder, prefix: str) -> None:
         material, foot, h = _material(cone.material), self._foot(cone), cone.height_cm
@@ -183,7 +184,7 @@ class Renderer:
         if top_r > 0.0:
             top = self._part(f"{prefix}top", True)
             self._scene.disc(_triple(foot - (0.0, h, 0.0)), top_r, **top, material=material)
-        if r > 0.0 and self._seen_from_below(cone):
+        if r > 0.0 and self._seen_from_below(cone, prefix):
             bottom = self._part(f"{prefix}bottom", True)
             self._scene.disc(_triple(foot), r, **bottom, material=material, faces_down=True)
         self._scene.round_occluder(
@@ -231,7 +232,7 @@ class Renderer:
             ("right", near_left + w, d, h, right),
             ("top", near_left + h, w, d, up),
         ]
-        if self._seen_from_below(box):
+        if self._seen_from_below(box, prefix):
             faces.append(("bottom", near_left, w, d, -up))
         for name, corner, u, v, normal in faces:
             self._quad(f"{prefix}{name}", corner, u, v, normal, box.material)
