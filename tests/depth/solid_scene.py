@@ -258,7 +258,9 @@ class Eye:
     noise_px: float = 0.0  # of the outline, along its normal
     vertex_noise_px: float = 0.0
     seed: int = 0
-    _views: dict[bytes, View] = field(default_factory=dict)  # what was looked at before, by pose
+    _views: dict[tuple, View] = field(default_factory=dict)  # what was looked at before, by pose and things
+    _truths: dict[tuple, dict[int, float]] = field(default_factory=dict)
+    _kept: list[Thing] = field(default_factory=list)
     _names: dict[tuple, int] = field(default_factory=dict)  # of vertices, kept from frame to frame
 
     def __post_init__(self) -> None:
@@ -271,7 +273,7 @@ class Eye:
 
     def look(self, pose: Pose, events: tuple[Event, ...] = ()) -> Snapshot:
         """The snapshot an ideal net would make from here."""
-        key = pose.rotation.tobytes() + pose.position_cm.tobytes() + repr(self.things).encode()
+        key = self._key(pose)
         if key not in self._views:
             self._views[key] = self._view(pose)
         self._seq += 1
@@ -281,13 +283,18 @@ class Eye:
 
     def truth(self, pose: Pose) -> dict[int, float]:
         """Mean depth of the visible surface of every thing in view, by region id."""
-        columns, rows = np.arange(0.0, self.lens.width, 2.0), np.arange(0.0, self.lens.height, 2.0)
-        grid = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
-        z = self._depths(pose, grid)
-        nearest = np.where(np.isfinite(z.min(axis=0)), z.argmin(axis=0), -1)
-        return {
-            t.id: float(z[k][nearest == k].mean()) for k, t in enumerate(self.things) if (nearest == k).any()
-        }
+        key = self._key(pose)
+        if key not in self._truths:
+            columns, rows = np.arange(0.0, self.lens.width, 2.0), np.arange(0.0, self.lens.height, 2.0)
+            z = self._depths(pose, np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2))
+            nearest = np.where(np.isfinite(z.min(axis=0)), z.argmin(axis=0), -1)
+            seen = [k for k in range(len(self.things)) if (nearest == k).any()]
+            self._truths[key] = {self.things[k].id: float(z[k][nearest == k].mean()) for k in seen}
+        return self._truths[key]
+
+    def _key(self, pose: Pose) -> tuple:
+        self._kept.extend(self.things)  # no other thing may get the id of one of them
+        return (pose.rotation.tobytes(), pose.position_cm.tobytes(), *(id(t) for t in self.things))
 
     def corner_truth(self, pose: Pose) -> dict[int, float]:
         """Depth of every corner of every thing's outline, hidden or not, by vertex id."""
