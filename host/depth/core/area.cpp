@@ -80,12 +80,16 @@ Line line_through(const Values& x, const Values& y, const Values& weights) {
 Line robust_line(const Values& x, const Values& y, const Values& sigma, std::size_t suspects, Values& weights) {
     const std::size_t n = x.size();
     weights.resize(n);
-    for (std::size_t k = 0; k < n; ++k) weights[k] = (k + suspects < n ? 1.0 : LEAST_WEIGHT) / square(sigma[k]);
+    Values per_sigma(n);
+    for (std::size_t k = 0; k < n; ++k) {
+        per_sigma[k] = 1 / sigma[k];
+        weights[k] = (k + suspects < n ? 1.0 : LEAST_WEIGHT) * square(per_sigma[k]);
+    }
     Line line = line_through(x, y, weights);
     if (n < 4) return line;
     Values off(n), sorted(n);
     for (int pass = 0; pass < ROBUST_PASSES; ++pass) {
-        for (std::size_t k = 0; k < n; ++k) off[k] = std::abs(y[k] - line.at(x[k])) / sigma[k];
+        for (std::size_t k = 0; k < n; ++k) off[k] = std::abs(y[k] - line.at(x[k])) * per_sigma[k];
         sorted = off;
         const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(n / 2);
         std::nth_element(sorted.begin(), middle, sorted.end());
@@ -94,8 +98,8 @@ Line robust_line(const Values& x, const Values& y, const Values& sigma, std::siz
         const bool leading = pass < LEADING_PASSES;
         for (std::size_t k = 0; k < n; ++k) {
             const double u = off[k] * per_usual;
-            const double share = leading ? 1 / std::max(1.0, u) : square(std::max(0.0, 1 - square(u / TUKEY)));
-            weights[k] = std::max(share, LEAST_WEIGHT) / square(sigma[k]);
+            const double share = leading ? (u > 1 ? 1 / u : 1.0) : square(std::max(0.0, 1 - square(u / TUKEY)));
+            weights[k] = std::max(share, LEAST_WEIGHT) * square(per_sigma[k]);
         }
         line = line_through(x, y, weights);
     }

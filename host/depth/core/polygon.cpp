@@ -42,11 +42,13 @@ double mean_log(double e0, double e1) {
     return std::log1p(middle) + spread;
 }
 
-double distance_to_chord(Vec2 p, Vec2 a, Vec2 b) {
+// Square of the distance of a point from the stretch between two others.
+double square_to_chord(Vec2 p, Vec2 a, Vec2 b) {
     const Vec2 chord = b - a;
     const double square = dot(chord, chord);
     const double along = square > 0 ? std::clamp(dot(p - a, chord) / square, 0.0, 1.0) : 0.0;
-    return length(p - a - along * chord);
+    const Vec2 off = p - a - along * chord;
+    return dot(off, off);
 }
 
 std::size_t farthest_from(const Loop& loop, Vec2 p) {
@@ -132,13 +134,14 @@ Rectangle smallest_rectangle(const Loop& hull) {
     double least = std::numeric_limits<double>::infinity();
     // one side of the rectangle lies on an edge of the hull; the points that touch the others go round with it
     std::size_t ahead = 1, across = 1, behind = 0;
+    const auto after = [n](std::size_t at) { return at + 1 < n ? at + 1 : 0; };
     for (std::size_t k = 0; k < n; ++k) {
-        const Vec2 edge = hull[(k + 1) % n] - hull[k];
+        const Vec2 edge = hull[after(k)] - hull[k];
         const double size = length(edge);
         if (!(size > 0)) continue;
         const Vec2 u = (1 / size) * edge, v{-u.y, u.x};
         const auto climb = [&](std::size_t at, Vec2 way) {
-            for (std::size_t step = 0; step < n && dot(hull[(at + 1) % n] - hull[at], way) > 0; ++step) at = (at + 1) % n;
+            for (std::size_t step = 0; step < n && dot(hull[after(at)] - hull[at], way) > 0; ++step) at = after(at);
             return at;
         };
         if (k == 0) behind = climb(climb(climb(1, u), v), {-u.x, -u.y});
@@ -162,11 +165,12 @@ Loop simplified(const Loop& loop, double tolerance) {
     while (!open.empty()) {
         const auto [from, to] = open.back();
         open.pop_back();
-        double most = tolerance;
+        double most = tolerance * tolerance;
         std::size_t farthest = from;
-        for (std::size_t k = (from + 1) % loop.size(); k != to; k = (k + 1) % loop.size()) {
-            const double d = distance_to_chord(loop[k], loop[from], loop[to]);
-            if (d > most) most = d, farthest = k;
+        const auto after = [&loop](std::size_t at) { return at + 1 < loop.size() ? at + 1 : 0; };
+        for (std::size_t k = after(from); k != to; k = after(k)) {
+            const double d2 = square_to_chord(loop[k], loop[from], loop[to]);
+            if (d2 > most) most = d2, farthest = k;
         }
         if (farthest == from) continue;
         keep[farthest] = 1;

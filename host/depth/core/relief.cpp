@@ -63,11 +63,11 @@ Relief relief_of(const std::vector<Vec2>& outer_loop, bool cut) {
     if (cut) return UNKNOWN;
     const Loop hull = convex_hull(outer_loop);
     const double area = std::abs(signed_area(outer_loop)), hull_area = signed_area(hull);
-    const Rectangle box = smallest_rectangle(hull);
-    if (!(area > 0) || !(hull_area > 0) || !(box.width * box.height > 0)) return UNKNOWN;
+    if (!(area > 0) || !(hull_area > 0)) return UNKNOWN;
     if (area < MIN_SOLIDITY * hull_area) return HOLLOW;
     if (straight_sides(outer_loop).size() >= MIN_ROUND_CORNERS) return area < ROUND_SOLIDITY * hull_area ? NECKED : ROUND;
     const Table& table = straight_sides(outer_loop, STRAIGHT).size() <= 4 ? FOUR_SIDES : MORE_SIDES;
+    const Rectangle box = smallest_rectangle(hull);
     const double filled = area / (box.width * box.height);
     if (filled <= table.front().share) return table.front().relief;
     for (std::size_t k = 1; k < table.size(); ++k) {
