@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import signal
 import subprocess
 import sys
@@ -20,6 +21,22 @@ def test_without_the_packages_one_line_says_how_to_get_them(command):
     run = subprocess.run([sys.executable, "-S", *command], cwd=ROOT, capture_output=True, text=True)
     assert run.returncode == 2
     assert run.stderr.count("\n") == 1 and "make setup" in run.stderr
+
+
+def test_every_native_module_that_was_not_built_is_named():
+    # as if the interpreter found all that it needs, but none of what CMake builds
+    built = re.findall(r"^native_module\((\w+) (\S+)", (ROOT / "CMakeLists.txt").read_text(), re.MULTILINE)
+    names = [f"{folder.replace('/', '.')}.{module}" for module, folder in built]
+    program = (
+        "from host import errors\n"
+        "find = errors.find_spec\n"
+        f"errors.find_spec = lambda name: None if name in {names} else find(name)\n"
+        "errors.begin_command()\n"
+    )
+    run = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True)
+    assert run.returncode == 2 and len(names) == 4
+    assert run.stderr.startswith("error: ") and run.stderr.count("\n") == 1
+    assert set(names) == set(run.stderr.removeprefix("error: ").split(" not found")[0].split(", "))
 
 
 @pytest.mark.parametrize("command", COMMANDS)
