@@ -168,7 +168,7 @@ class EstimatorCore {
             notes.append(d.fused ? d.fused->note : std::string());
             silhouette[r] = d.outline.surface.known() ? d.outline.silhouette_cm : NAN;
             slope[2 * r] = d.outline.slope.x, slope[2 * r + 1] = d.outline.slope.y;
-            slanted.append(d.outline.slanted), moving.append(d.outline.moving);
+            slanted.append(d.outline.slanted), moving.append(d.moving);
         }
         const std::size_t vertices = found.vertices.xyz_cm.size();
         std::vector<double> xyz;

@@ -7,6 +7,8 @@ namespace depth {
 
 namespace {
 
+constexpr double MISFIT_PX = 0.25;  // an outline that fits some depth so well stands still, whatever its middle does
+
 // Towards the middle of a region's outline.
 Vec3 middle_ray(const RegionView& region, const Camera& camera) {
     Vec2 low{INFINITY, INFINITY}, high{-INFINITY, -INFINITY};
@@ -26,6 +28,7 @@ Estimator::Estimator(const Camera& camera, const Config& config)
       outline_(camera, config.outline),
       area_(camera, config.area),
       vertex_(camera, config.vertex),
+      movers_(camera),
       memory_(config.fuse) {}
 
 Depths Estimator::update(const FrameView& frame, const Reading& reading) {
@@ -36,6 +39,7 @@ Depths Estimator::update(const FrameView& frame, const Reading& reading) {
     for (const std::int64_t id : frame.changed) {
         memory_.forget(id);
         area_.forget(id);
+        movers_.forget(id);
     }
     memory_.forget_unseen(now);
     area_.forget_unseen(now);
@@ -45,6 +49,7 @@ Depths Estimator::update(const FrameView& frame, const Reading& reading) {
         expected.push_back(before ? 1 / before->depth_cm : 0.0);
     }
     const std::vector<OutlineAnswer> outlines = outline_.update(frame, path_, now, ego_, jerk, expected);
+    const std::vector<char> moving = movers_.update(frame, path_, now);
     Depths out;
     out.vertices = vertex_.update(frame, path_, now);
     for (std::size_t r = 0; r < frame.regions.size(); ++r) {
@@ -53,6 +58,12 @@ Depths Estimator::update(const FrameView& frame, const Reading& reading) {
         depth.outline = outlines[r];
         depth.area = area_.update(region, frame, path_, now, depth.outline.own_share);
         depth.vertex = vertex_.region(region, frame, out.vertices, depth.outline.own_share);
+        depth.moving = moving[r] && (!depth.outline.surface.known() || depth.outline.misfit_px > MISFIT_PX);
+        if (depth.moving) {
+            // no depth explains its motion, and none that was found before is worth keeping
+            depth.area = depth.vertex = depth.outline.surface = decline("it moves by itself");
+            memory_.forget(region.id);
+        }
         depth.fused = memory_.update(region.id, combine({&depth.area, &depth.vertex, &depth.outline.surface}),
                                      middle_ray(region, camera_), path_, now);
         out.regions.push_back(std::move(depth));
@@ -62,6 +73,7 @@ Depths Estimator::update(const FrameView& frame, const Reading& reading) {
     std::set<int> kept = outline_.frames();
     kept.merge(area_.frames());
     kept.merge(vertex_.frames());
+    kept.merge(movers_.frames());
     kept.merge(memory_.frames());
     path_.keep(kept);
     return out;

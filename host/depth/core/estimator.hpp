@@ -8,6 +8,7 @@
 #include "ego_motion.hpp"
 #include "frame_view.hpp"
 #include "fuse.hpp"
+#include "movers.hpp"
 #include "outline.hpp"
 #include "path.hpp"
 #include "vertex.hpp"
@@ -35,6 +36,7 @@ struct RegionDepth {
     Answer area, vertex;
     OutlineAnswer outline;
     std::optional<Fused> fused;
+    bool moving = false;
 };
 
 struct Depths {
@@ -59,6 +61,7 @@ class Estimator {
     OutlineMethod outline_;
     AreaMethod area_;
     VertexMethod vertex_;
+    Movers movers_;
     Memory memory_;
     VertexDepths last_vertices_;
     int present_ = -1;

@@ -31,7 +31,8 @@ constexpr double PLANE_TILT = 0.2;     // prior: relative change of depth over h
 constexpr double COHERENT = 0.3;        // share of the residuals' scale by which a whole outline errs alike
 constexpr double LOST_SHARE = 0.06;     // relative error of a depth whose outline is hardly found again
 constexpr double CLEARLY_BETTER = 0.03;  // mean cost by which a jerk must explain the outlines better
-constexpr int LOOK_AGAIN_FRAMES = 5;   // after which a region's depth is looked for anew among all depths
+constexpr int LOOK_AGAIN_FRAMES = 5;     // after which a region's depth is looked for anew among all depths,
+constexpr double LOOK_AGAIN_REACH = 1.2; // or when the longest way has grown so much: a wrong one would keep itself
 
 double square(double v) { return v * v; }
 
@@ -90,14 +91,14 @@ std::vector<OutlineAnswer> OutlineMethod::answers(const FrameView& frame, Path& 
         all.surface = decline(why);
         return std::vector<OutlineAnswer>(n, all);
     };
-    bool moved = false;
+    double reach_cm = 0;  // the longest way to an earlier frame
     std::vector<const Keyframe*> then;
     std::vector<int> frames{present};
     for (const Keyframe& k : keyframes_) {
-        moved = moved || path.distance_cm(k.frame, present) >= config_.min_step_cm;
+        reach_cm = std::max(reach_cm, path.distance_cm(k.frame, present));
         then.push_back(&k), frames.push_back(k.frame);
     }
-    if (!moved) return none("no motion yet");
+    if (reach_cm < config_.min_step_cm) return none("no motion yet");
     std::vector<Vec2> middle;
     std::vector<Extent> extents;
     for (const RegionView& r : frame.regions) {
@@ -113,7 +114,7 @@ std::vector<OutlineAnswer> OutlineMethod::answers(const FrameView& frame, Path& 
     for (std::size_t r = 0; r < n; ++r) {
         const auto it = clarity_.find(frame.regions[r].id);
         wanted[r] = jerk || !(expected[r] > 0) || it == clarity_.end() ||
-                    present - it->second.frame >= LOOK_AGAIN_FRAMES;
+                    present - it->second.frame >= LOOK_AGAIN_FRAMES || reach_cm > LOOK_AGAIN_REACH * it->second.reach_cm;
     }
     const auto look_for = [&] {
         comparison.place(path, present);
@@ -136,7 +137,7 @@ std::vector<OutlineAnswer> OutlineMethod::answers(const FrameView& frame, Path& 
     for (std::size_t r = 0; r < n; ++r) {
         const std::int64_t id = frame.regions[r].id;
         if (wanted[r]) {
-            clarity_[id] = {present, start[r].contrast, start[r].rival};
+            clarity_[id] = {present, reach_cm, start[r].contrast, start[r].rival};
         } else {
             start[r] = {expected[r], 0.0, clarity_[id].contrast, clarity_[id].rival};
         }
@@ -215,6 +216,7 @@ OutlineAnswer OutlineMethod::answer(const RegionView& region, const RegionFit& f
     };
     if (!(shape.length_px > 0)) return no("no outline to measure");
     out.own_share = shape.own;
+    out.misfit_px = fit.scale_px;
     if (start.contrast < MIN_CONTRAST) {
         out.own_share = 1.0;
         return no("many depths fit its outline alike");

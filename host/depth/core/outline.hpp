@@ -41,7 +41,7 @@ struct OutlineAnswer {
     double silhouette_cm = 0.0; // where the outline itself is; 0 where there is no answer
     bool slanted = false;
     Vec2 slope;                 // d(1/Z) per px, where the outline shows a slant
-    bool moving = false;        // its outline does not fit the camera's motion
+    double misfit_px = 0.0;     // scale of what no depth explains; 0 where nothing could be compared
     double own_share = 1.0;     // of its outline that is not the outline of something nearer
 };
 
@@ -62,6 +62,7 @@ class OutlineMethod {
   private:
     struct Clarity {  // how clear a region's depth was among others when last looked for
         int frame;
+        double reach_cm;  // the longest way to an earlier frame then
         double contrast, rival;
     };
     struct Shape;
