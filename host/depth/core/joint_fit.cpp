@@ -301,6 +301,7 @@ std::vector<RegionFit> JointFit::regions(const std::vector<double>& own,
             pulls[r] += pull, out[r].share[k] += pull;
         }
         rows[r] += own[n], weights[r] += sum;
+        out[r].centre = out[r].centre + sum * s.offset;
         if (most > 0.1) out[r].found_px += own[n] * s.length_px;
     }
     for (std::size_t r = 0; r < regions_; ++r) {
@@ -308,6 +309,7 @@ std::vector<RegionFit> JointFit::regions(const std::vector<double>& own,
         const Block& block = blocks_[r];
         f.scale_px = scale_[r];
         f.found = rows[r] > 0 ? weights[r] / static_cast<double>(frames_) / rows[r] : 0.0;
+        f.centre = 1 / std::max(weights[r], 1e-9) * f.centre;
         for (double& s : f.share) s /= std::max(pulls[r], 1e-300);
         f.gain = std::sqrt(pulls[r] / std::max(weights[r], 1e-9));
         f.tilted = state[r];

@@ -45,6 +45,7 @@ struct RegionFit {
     double found_px = 0.0;   // own outline found in some frame
     double shift_px = 0.0;   // typical motion over the image
     double gain = 0.0;       // px per unit of rho, rms
+    Vec2 centre;             // of the outline it comes from, px from the region's middle
     std::vector<double> share;  // of what is known that comes from each frame
 };
 

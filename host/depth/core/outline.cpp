@@ -13,7 +13,7 @@ namespace depth {
 
 namespace {
 
-constexpr double GATES_PX[] = {5.0, 3.5, 2.5, 2.5, 2.5};  // residuals beyond are not used; shrinks as the fit settles
+constexpr double GATES_PX[] = {5.0, 3.5, 2.5, 2.5, 2.0, 1.5};  // residuals beyond are not used; shrinks as the fit settles
 constexpr std::size_t FREE_CAMERAS_FROM = 1;  // of these rounds the cameras are solved too,
 constexpr std::size_t SETTLED_FROM = 2;       // is where depths known from before begin,
 constexpr std::size_t OWNERS_FROM = 3;        // and outlines count for their owners only
@@ -30,6 +30,7 @@ constexpr double FACE_SLANT = 0.45;    // tangent of the slant from which a whol
 constexpr double PLANE_TILT = 0.2;     // prior: relative change of depth over half a width, in widths over depth
 constexpr double COHERENT = 0.3;        // share of the residuals' scale by which a whole outline errs alike
 constexpr double LOST_SHARE = 0.06;     // relative error of a depth whose outline is hardly found again
+constexpr double BEYOND_SLANT = 1.2;    // tangent of the slant that what is cut may have beyond its outline
 constexpr double CLEARLY_BETTER = 0.03;  // mean cost by which a jerk must explain the outlines better
 constexpr int LOOK_AGAIN_FRAMES = 5;     // after which a region's depth is looked for anew among all depths,
 constexpr double LOOK_AGAIN_REACH = 1.2; // or when the longest way has grown so much: a wrong one would keep itself
@@ -256,7 +257,9 @@ OutlineAnswer OutlineMethod::answer(const RegionView& region, const RegionFit& f
         model += square(relief.sigma_k * width);
     }
     const double lost = LOST_SHARE * (1 - fit.found);
-    const double relative = std::sqrt(noise + model + square(coherent) + square(lost) + square(shape.travel_sigma));
+    // what is cut goes on beyond the outline that shows its depth
+    const double beyond = cut ? BEYOND_SLANT * length(fit.centre) / camera_.focal() : 0.0;
+    const double relative = std::sqrt(noise + model + square(beyond) + square(coherent) + square(lost) + square(shape.travel_sigma));
     if (!(relative < config_.max_relative_sigma)) {
         out.silhouette_cm = 0.0, out.slanted = false;
         return no(percent("too uncertain", relative));
