@@ -176,19 +176,44 @@ void EgoMotion::learn(Path& path, const std::vector<int>& frames,
     }
     // expected squares of the errors, in units of the prior
     const MotionPrior expected = prior(path, frames);
-    double turn = 0, travel = 0;
+    double turn = 0;
     for (std::size_t a = 0; a < count; ++a)
-        for (std::size_t b = 0; b < count; ++b) {
+        for (std::size_t b = 0; b < count; ++b)
             for (std::size_t i = 0; i < 2; ++i)
                 turn += expected.turn_precision[a * count + b] *
                         (cameras[a][i] * cameras[b][i] + covariance[(3 * a + i) * m + 3 * b + i]);
-            travel += expected.travel_precision[a * count + b] *
-                      (cameras[a][2] * cameras[b][2] + covariance[(3 * a + 2) * m + 3 * b + 2]);
-        }
-    const double c = static_cast<double>(count);
-    turn_excess_ = std::max(1.0, turn_excess_ * (MEMORY + (1 - MEMORY) * turn / (2 * c)));
-    if (quantum_cm_ == 0) travel_excess_ = std::max(1.0, travel_excess_ * (MEMORY + (1 - MEMORY) * travel / c));
+    turn_excess_ = std::max(1.0, turn_excess_ * (MEMORY + (1 - MEMORY) * turn / (2.0 * static_cast<double>(count))));
+    if (quantum_cm_ == 0) learn_travel(path, frames, cameras, covariance);
     rescale(path, frames[0]);
+}
+
+// What travel differs from odometry by, beyond an offset and a scale of all of it: those show nowhere in the
+// images, and learning from them would feed on itself.
+void EgoMotion::learn_travel(const Path& path, const std::vector<int>& frames,
+                             const std::vector<std::array<double, 3>>& cameras, const std::vector<double>& covariance) {
+    const std::size_t count = frames.size(), m = 3 * count;
+    if (count < 4) return;
+    double mean = 0, spread = 0;
+    for (const int f : frames) mean += path.at(f).path_cm / static_cast<double>(count);
+    for (const int f : frames) spread += square(path.at(f).path_cm - mean);
+    if (!(spread > 0)) return;
+    std::vector<double> keep(count * count);  // takes offset and scale away
+    for (std::size_t a = 0; a < count; ++a)
+        for (std::size_t b = 0; b < count; ++b)
+            keep[a * count + b] = (a == b) - 1 / static_cast<double>(count) -
+                                  (path.at(frames[a]).path_cm - mean) * (path.at(frames[b]).path_cm - mean) / spread;
+    double sum = 0;
+    for (std::size_t a = 0; a < count; ++a) {
+        double off = 0, variance = 0;
+        for (std::size_t b = 0; b < count; ++b) {
+            off += keep[a * count + b] * cameras[b][2];
+            for (std::size_t c = 0; c < count; ++c)
+                variance += keep[a * count + b] * covariance[(3 * b + 2) * m + 3 * c + 2] * keep[a * count + c];
+        }
+        sum += (square(off) + variance) / (travel_excess_ * path.at(frames[a]).reading_variance_cm2);
+    }
+    travel_excess_ =
+        std::max(1.0, travel_excess_ * (MEMORY + (1 - MEMORY) * sum / static_cast<double>(count - 2)));
 }
 
 // Stepped odometry: readings lie within half a step of the truth, so that the scale and the offset which

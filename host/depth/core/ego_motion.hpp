@@ -53,6 +53,8 @@ class EgoMotion {
         int frame;
         double read_cm, solved_cm;
     };
+    void learn_travel(const Path& path, const std::vector<int>& frames,
+                      const std::vector<std::array<double, 3>>& cameras, const std::vector<double>& covariance);
     void rescale(Path& path, int present);
 
     Camera camera_;

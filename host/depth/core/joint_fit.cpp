@@ -58,8 +58,8 @@ void JointFit::look(const Comparison& comparison, const std::vector<RegionState>
     }
 }
 
-void JointFit::step(const std::vector<double>& own, const std::vector<double>& tilt,
-                    const FitSettings& settings, const MotionPrior& prior, std::vector<RegionState>& state,
+void JointFit::step(const std::vector<double>& own, double tilt, const FitSettings& settings,
+                    const MotionPrior& prior, std::vector<RegionState>& state,
                     std::vector<std::array<double, 3>>* cameras) {
     const std::size_t rows = samples_->rows.size(), count = frames_ + 1, m = 3 * count;
     const double gate = settings.gate_px;
@@ -191,9 +191,14 @@ void JointFit::step(const std::vector<double>& own, const std::vector<double>& t
     for (std::size_t r = 0; r < regions_; ++r) {
         Block& block = blocks_[r];
         block.a[0] += 1e-9;
-        const double hold = 1 / square(tilt[r]);
-        block.a[4] += hold, block.a[8] += hold;
-        block.g[1] += hold * state[r].slope.x, block.g[2] += hold * state[r].slope.y;
+        block.level = {block.a[0], block.a[1], block.a[2]};
+        // relative to the depth, so that it says nothing of the scale of all things
+        const double rho = state[r].rho, sx = state[r].slope.x, sy = state[r].slope.y;
+        const double hold = 1 / square(tilt * rho), bent = (sx * sx + sy * sy) / square(rho);
+        block.a[0] += hold * bent, block.a[4] += hold, block.a[8] += hold;
+        block.a[1] -= hold * sx / rho, block.a[3] -= hold * sx / rho;
+        block.a[2] -= hold * sy / rho, block.a[6] -= hold * sy / rho;
+        block.g[0] -= hold * bent * rho, block.g[1] += hold * sx, block.g[2] += hold * sy;
     }
     std::vector<double> moved(m, 0.0);
     if (cameras != nullptr) {
@@ -314,12 +319,12 @@ std::vector<RegionFit> JointFit::regions(const std::vector<double>& own,
         f.gain = std::sqrt(pulls[r] / std::max(weights[r], 1e-9));
         f.tilted = state[r];
         // without slopes: the same quadratic, held at zero
-        const std::array<double, 9>& a = block.a;
+        const std::array<double, 3>& a = block.level;
         const double shift = a[1] * state[r].slope.x + a[2] * state[r].slope.y;
         f.level.rho = std::clamp(state[r].rho + shift / a[0], LEAST_RHO, GREATEST_RHO);
         f.shift_px = f.level.rho * f.gain;
         f.level_variance = 1 / a[0];
-        const std::array<double, 9> inverse = inverse3(a);
+        const std::array<double, 9> inverse = inverse3(block.a);
         f.tilted_covariance = inverse;
         if (!free_cameras) continue;
         // errors of the cameras' corrections on top: inv(a) b C b' inv(a)

@@ -60,8 +60,8 @@ class JointFit {
     // (pitch, yaw, travel of each).
     //
     // own: how much each row counts, 0..1
-    // tilt: standard error of each region's slope before looking, per px
-    void step(const std::vector<double>& own, const std::vector<double>& tilt, const FitSettings& settings,
+    // tilt: standard error of a region's slope over its rho before looking, per px
+    void step(const std::vector<double>& own, double tilt, const FitSettings& settings,
               const MotionPrior& prior, std::vector<RegionState>& state,
               std::vector<std::array<double, 3>>* cameras);
 
@@ -76,6 +76,7 @@ class JointFit {
   private:
     struct Block {
         std::array<double, 9> a{};   // of rho and slope
+        std::array<double, 3> level{};  // its first row before anything is expected of slopes
         std::vector<double> b;       // (3, M): with the cameras
         std::array<double, 3> g{};   // gradient
     };

@@ -134,7 +134,6 @@ std::vector<OutlineAnswer> OutlineMethod::answers(const FrameView& frame, Path& 
         comparison.place(path, present);
     }
     std::vector<RegionState> state(n);
-    std::vector<double> tilt(n);
     for (std::size_t r = 0; r < n; ++r) {
         const std::int64_t id = frame.regions[r].id;
         if (wanted[r]) {
@@ -143,7 +142,6 @@ std::vector<OutlineAnswer> OutlineMethod::answers(const FrameView& frame, Path& 
             start[r] = {expected[r], 0.0, clarity_[id].contrast, clarity_[id].rival};
         }
         state[r].rho = std::max(start[r].rho, 1e-6);
-        tilt[r] = PLANE_TILT * 2 / camera_.focal() * state[r].rho;  // per px: the width cancels
     }
     if (clarity_.size() > 4 * n + 64) std::erase_if(clarity_, [&](const auto& c) { return present - c.second.frame > 60; });
 
@@ -165,6 +163,7 @@ std::vector<OutlineAnswer> OutlineMethod::answers(const FrameView& frame, Path& 
     for (std::size_t i = 0; i < own.size(); ++i)
         if (start[static_cast<std::size_t>(samples.rows[i].region)].contrast < MIN_CONTRAST) own[i] = 0.0;
     const std::vector<double> told = own;
+    const double tilt = PLANE_TILT * 2 / camera_.focal();  // over rho, per px: the width cancels
     JointFit fit(samples, n, then.size());
     FitSettings settings;
     settings.noise_px = config_.noise_px;
