@@ -93,7 +93,7 @@ bool Comparison::residual(std::size_t row, std::size_t k, double rho, double& px
     return true;
 }
 
-Look Comparison::look(std::size_t row, std::size_t k, double rho) const {
+Look Comparison::look(std::size_t row, std::size_t k, double rho, bool cameras) const {
     Look out;
     Matched m;
     if (!match(row, k, rho, m)) return out;
@@ -105,6 +105,7 @@ Look Comparison::look(std::size_t row, std::size_t k, double rho) const {
     out.good = true;
     out.residual = m.residual;
     out.gain = px(move.shift_cm);
+    if (!cameras) return out;
     // e_x x p = (0, -1, y), e_y x p = (1, 0, -x)
     out.here = {px(move.turn * Vec3{0, -1, s.ray.y}), px(move.turn * Vec3{1, 0, -s.ray.x}),
                 rho * px(ahead_here_[k])};

@@ -53,9 +53,10 @@ class Comparison {
     std::size_t frames() const { return keyframes_.size(); }
     const Move& move(std::size_t k) const { return moves_[k]; }
 
-    // Of a row of the samples in one earlier frame: the residual alone, or the derivatives with it.
+    // Of a row of the samples in one earlier frame: the residual alone, or the derivatives with it, those by
+    // the cameras if asked for.
     bool residual(std::size_t row, std::size_t k, double rho, double& px) const;
-    Look look(std::size_t row, std::size_t k, double rho) const;
+    Look look(std::size_t row, std::size_t k, double rho, bool cameras) const;
 
   private:
     struct Matched {

@@ -49,12 +49,12 @@ JointFit::JointFit(const Samples& samples, std::size_t regions, std::size_t fram
 }
 
 void JointFit::look(const Comparison& comparison, const std::vector<RegionState>& state,
-                    const std::vector<double>& own) {
+                    const std::vector<double>& own, bool cameras) {
     for (std::size_t n = 0; n < samples_->rows.size(); ++n) {
         if (!(own[n] > 0)) continue;
         const Sample& s = samples_->rows[n];
         const double rho = std::max(state[static_cast<std::size_t>(s.region)].at(s.offset), LEAST_RHO);
-        for (std::size_t k = 0; k < frames_; ++k) looks_[row_of(n, k)] = comparison.look(n, k, rho);
+        for (std::size_t k = 0; k < frames_; ++k) looks_[row_of(n, k)] = comparison.look(n, k, rho, cameras);
     }
 }
 

@@ -53,8 +53,9 @@ class JointFit {
   public:
     JointFit(const Samples& samples, std::size_t regions, std::size_t frames);
 
-    // Looks at every sample that counts where `state` puts it.
-    void look(const Comparison& comparison, const std::vector<RegionState>& state, const std::vector<double>& own);
+    // Looks at every sample that counts where `state` puts it, with the cameras' derivatives or without.
+    void look(const Comparison& comparison, const std::vector<RegionState>& state, const std::vector<double>& own,
+              bool cameras);
 
     // One robust step from the last look: moves `state`, and with `cameras` also the cameras' corrections
     // (pitch, yaw, travel of each).

@@ -14,9 +14,9 @@ namespace depth {
 namespace {
 
 constexpr double GATES_PX[] = {5.0, 3.5, 2.5, 2.5, 2.0, 1.5};  // residuals beyond are not used; shrinks as the fit settles
-constexpr std::size_t FREE_CAMERAS_FROM = 1;  // of these rounds the cameras are solved too,
-constexpr std::size_t SETTLED_FROM = 2;       // is where depths known from before begin,
-constexpr std::size_t OWNERS_FROM = 3;        // and outlines count for their owners only
+// Every second round solves the cameras too, the last one among them.
+constexpr std::size_t SETTLED_FROM = 2;  // the round where depths known from before begin
+constexpr std::size_t OWNERS_FROM = 3;   // from which on outlines count for their owners only
 constexpr double MIN_OWN_PX = 20.0;    // of outline that is the region's own
 constexpr double MIN_OWN_SHARE = 0.25; // of its outline within the image
 constexpr double MIN_FOUND = 0.2;      // of its own outline over all kept frames
@@ -176,9 +176,10 @@ std::vector<OutlineAnswer> OutlineMethod::answers(const FrameView& frame, Path& 
             own = own_rows(samples, fit.costs(settings), state, extents);
             for (std::size_t i = 0; i < own.size(); ++i) own[i] *= told[i];
         }
-        fit.look(comparison, state, own);
-        fit.step(own, tilt, settings, prior, state, round >= FREE_CAMERAS_FROM ? &cameras : nullptr);
-        if (round >= FREE_CAMERAS_FROM) place();
+        const bool cameras_too = round % 2 == 1;
+        fit.look(comparison, state, own, cameras_too);
+        fit.step(own, tilt, settings, prior, state, cameras_too ? &cameras : nullptr);
+        if (cameras_too) place();
     }
     // at rest nothing new is learnt
     if (path.distance_cm(keyframes_.back().frame, present) >= config_.min_step_cm)
