@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-
 MORE_STEPS = 20
 CLOSE_PX = 1e-4
 
