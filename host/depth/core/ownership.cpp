@@ -46,7 +46,7 @@ std::vector<std::array<bool, 2>> edge_owners(const std::vector<Boundary>& bounda
             const bool inside = share[side] > SURROUND_RATIO * share[other];
             const bool behind =
                 around || (extents[region[side]].touches_border && !extents[region[other]].touches_border);
-            const bool by_place = (farther && !inside) || (tie && behind);
+            const bool by_place = (farther && !inside) || around || (tie && behind);
             const bool undecided = std::abs(worse) <= CLEARLY_BETTER;
             if (worse > CLEARLY_BETTER ||
                 (undecided && (misfit > CLEARLY_BETTER || (by_place && misfit >= -CLEARLY_BETTER))))
