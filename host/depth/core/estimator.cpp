@@ -2,11 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <unordered_map>
 
 namespace depth {
 
 namespace {
 
+constexpr double LEAP_CM = 200.0;   // between two frames, more than any robot drives
 constexpr double MISFIT_PX = 0.25;  // an outline that fits some depth so well stands still, whatever its middle does
 
 // Towards the middle of a region's outline.
@@ -23,6 +25,7 @@ Vec3 middle_ray(const RegionView& region, const Camera& camera) {
 
 Estimator::Estimator(const Camera& camera, const Config& config)
     : camera_(camera),
+      config_(config),
       path_(config.odometry),
       ego_(camera),
       outline_(camera, config.outline),
@@ -32,6 +35,8 @@ Estimator::Estimator(const Camera& camera, const Config& config)
       memory_(config.fuse) {}
 
 Depths Estimator::update(const FrameView& frame, const Reading& reading) {
+    if (present_ >= 0 && length(reading.position_cm - path_.at(present_).position_cm) > LEAP_CM)
+        *this = Estimator(camera_, config_);  // a robot put elsewhere, or odometry begun anew: another run
     const int now = ++present_;
     path_.add(now, reading.rotation, reading.position_cm, reading.t_s, reading.travel_sigma_cm,
               reading.turn_sigma_rad);
@@ -68,15 +73,30 @@ Depths Estimator::update(const FrameView& frame, const Reading& reading) {
                                      middle_ray(region, camera_), path_, now);
         out.regions.push_back(std::move(depth));
     }
+    at_rest_no_surer(frame, out.vertices);
     ego_.remember(frame, now);
-    last_vertices_ = out.vertices;
+    last_ids_ = frame.vertex_ids, last_vertices_ = out.vertices;
     std::set<int> kept = outline_.frames();
     kept.merge(area_.frames());
     kept.merge(vertex_.frames());
     kept.merge(movers_.frames());
     kept.merge(memory_.frames());
+    kept.insert(moved_);
     path_.keep(kept);
     return out;
+}
+
+// New noise on corners that were seen from here before is no news of their depth.
+void Estimator::at_rest_no_surer(const FrameView& frame, VertexDepths& now) {
+    if (path_.distance_cm(moved_, present_) >= config_.outline.min_step_cm) {
+        moved_ = present_;
+        return;
+    }
+    std::unordered_map<std::int64_t, double> last;
+    for (std::size_t i = 0; i < last_ids_.size(); ++i) last[last_ids_[i]] = last_vertices_.sigma_cm[i];
+    for (std::size_t i = 0; i < frame.vertex_ids.size(); ++i)
+        if (const auto it = last.find(frame.vertex_ids[i]); it != last.end() && it->second > now.sigma_cm[i])
+            now.sigma_cm[i] = it->second;
 }
 
 }  // namespace depth

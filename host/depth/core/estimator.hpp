@@ -55,7 +55,10 @@ class Estimator {
     int present() const { return present_; }
 
   private:
+    void at_rest_no_surer(const FrameView& frame, VertexDepths& now);
+
     Camera camera_;
+    Config config_;
     Path path_;
     EgoMotion ego_;
     OutlineMethod outline_;
@@ -63,8 +66,10 @@ class Estimator {
     VertexMethod vertex_;
     Movers movers_;
     Memory memory_;
+    std::vector<std::int64_t> last_ids_;
     VertexDepths last_vertices_;
     int present_ = -1;
+    int moved_ = 0;  // the last frame that was clearly elsewhere than the one before it
 };
 
 }  // namespace depth

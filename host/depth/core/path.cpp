@@ -9,7 +9,8 @@ namespace {
 constexpr double STANDS_CM = 0.05;  // a shorter step tells no direction
 
 constexpr double ROLL_RAD = 0.01;       // between two frames, more than wheels on a floor roll a camera
-constexpr double STEEPEST_MOUNT = 0.7;  // roll over yaw that a camera looking down sees while it turns with wheels
+constexpr double RISE_CM = 0.2;         // likewise, than they lift it
+constexpr double STEEPEST_MOUNT = 0.7;  // roll over yaw, or rise over way, that a camera looking down sees on wheels
 
 double square(double v) { return v * v; }
 }  // namespace
@@ -44,7 +45,9 @@ void Path::add(int frame, const Mat3& rotation, Vec3 position_cm, double t_s, do
 bool Path::as_on_wheels(const Station& last, const Station& now) const {
     const Mat3 turn = transposed(last.rotation) * now.rotation;
     const double yaw = 0.5 * (turn(0, 2) - turn(2, 0)), roll = 0.5 * (turn(1, 0) - turn(0, 1));
-    return std::abs(roll) < ROLL_RAD || std::abs(roll) < STEEPEST_MOUNT * std::abs(yaw);
+    if (std::abs(roll) > ROLL_RAD && std::abs(roll) > STEEPEST_MOUNT * std::abs(yaw)) return false;
+    const Vec3 step = transposed(last.rotation) * (now.position_cm - last.position_cm);
+    return std::abs(step.y) < RISE_CM || std::abs(step.y) < STEEPEST_MOUNT * std::hypot(step.x, step.z);
 }
 
 Vec3 Path::position_cm(int frame) const {
