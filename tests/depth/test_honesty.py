@@ -41,7 +41,7 @@ def ratios(kind: str, method: str) -> np.ndarray:
     return np.array(out)
 
 
-@pytest.mark.parametrize("method", ["area"])
+@pytest.mark.parametrize("method", ["fused", "outline", "vertex"])
 def test_sigma_on_tables_is_honest(method: str):
     z = np.abs(ratios("tables", method))
     assert len(z) > 30

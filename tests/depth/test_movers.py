@@ -125,3 +125,9 @@ def test_a_region_that_is_tracked_wrongly_does_not_disturb_the_others(jump_px: f
     assert np.isnan(errors).mean() < 0.1
     assert np.nanmedian(np.abs(errors)) < 0.01
     assert np.nanmax(np.abs(errors)) < 0.03
+
+
+@pytest.mark.parametrize("step_cm", [(0.3, 0.25, 0), (-0.3, -0.25, 0)], ids=str)
+def test_a_thing_that_moves_across_is_named(step_cm: tuple[float, float, float]):
+    for scene in range(3):
+        assert with_mover(scene, step_cm).region(MOVER).moving

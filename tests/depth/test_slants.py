@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from drives import Run, ahead, drive, wall
+from drives import WALL, Run, ahead, drive, wall
 from solid_scene import Ball, Eye, board, patch, room
 
 SEEDS = range(6)
@@ -40,12 +40,12 @@ def corridor() -> Eye:
     return Eye([*room(1, 220.0, 14.0, 60.0), rug, left, right, ahead_of_us], noise_px=0.1)
 
 
-@pytest.mark.parametrize("name", [12], ids=["poster right"])
+@pytest.mark.parametrize("name", [10, 11, 12], ids=["rug", "poster left", "poster right"])
 def test_patches_of_floor_and_walls_are_right_within_two_percent(name: int):
     assert rms_error(corridor(), name, frames=16, length_cm=15.0) < 0.02
 
 
-@pytest.mark.parametrize("name", [3, 4], ids=["left wall", "right wall"])
+@pytest.mark.parametrize("name", [1, 3, 4], ids=["floor", "left wall", "right wall"])
 def test_floor_and_walls_that_leave_the_picture_are_right_or_decline(name: int):
     for seed in SEEDS:
         run = drive(corridor().again(seed), ahead(16, 15.0))
@@ -95,3 +95,16 @@ def test_a_ball_has_its_silhouette_behind_its_surface_and_both_are_told():
         assert rim is not None
         assert found.silhouette_cm == pytest.approx(rim.depth_cm.mean(), rel=0.015)
         assert found.depth_cm == pytest.approx(run.eye.truth(run.poses[-1])[7], rel=0.025)
+
+
+def test_the_wall_behind_everything_is_right_or_has_no_depth():
+    for seed in SEEDS:
+        run = drive(
+            Eye(
+                [board(7, (6, 4, 80), (24, 16)), board(8, (-25, 0, 110), (20, 30)), wall()],
+                noise_px=0.1,
+                seed=seed,
+            ),
+            ahead(11, 10.0),
+        )
+        assert run.region(WALL).depth_cm is None

@@ -60,7 +60,7 @@ def test_a_robot_that_never_moved_knows_no_depth():
     assert all(np.isnan(report.vertices.xyz_cm).all() for report in run.reports)
 
 
-@pytest.mark.parametrize("noise_px", [0.1])
+@pytest.mark.parametrize("noise_px", [0.1, 0.4])
 def test_at_rest_nothing_gets_surer(noise_px: float):
     way = ahead(9, 8.0)
     rest = [replace(way[-1], t_s=way[-1].t_s + 0.1 * k) for k in range(1, 31)]

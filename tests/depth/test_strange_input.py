@@ -106,6 +106,19 @@ def test_frames_without_a_time_are_no_trouble():
     assert np.nanmedian(np.abs(before_the_wall(all_sound(drive(look_at(), path))))) < 0.01
 
 
+@pytest.mark.parametrize("far_cm", [1e4, 1e7, 1e9])
+def test_a_leap_of_odometry_is_no_trouble(far_cm: float):
+    path = ahead(14, 13.0)
+    said = [
+        replace(p, position_cm=p.position_cm + np.array([0, 0, far_cm * (k >= 7)]))
+        for k, p in enumerate(path)
+    ]
+    run = all_sound(drive(look_at(), path, said))
+    for name, error in run.errors().items():
+        found = run.region(name)
+        assert abs(error) < max(0.1, 3 * found.sigma_cm / found.depth_cm)
+
+
 @pytest.mark.parametrize("away_cm", [1e5, 1e8])
 def test_it_does_not_matter_where_the_world_begins(away_cm: float):
     path = ahead(11, 10.0)

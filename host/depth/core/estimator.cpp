@@ -9,6 +9,7 @@ namespace depth {
 namespace {
 
 constexpr double LEAP_CM = 200.0;   // between two frames, more than any robot drives
+constexpr double AGREES = 3.0;      // standard errors between two depths of one corner
 constexpr double MISFIT_PX = 0.25;  // an outline that fits some depth so well stands still, whatever its middle does
 
 // Towards the middle of a region's outline.
@@ -73,6 +74,7 @@ Depths Estimator::update(const FrameView& frame, const Reading& reading) {
                                      middle_ray(region, camera_), path_, now);
         out.regions.push_back(std::move(depth));
     }
+    join_corners(frame, out.vertices);
     at_rest_no_surer(frame, out.vertices);
     ego_.remember(frame, now);
     last_ids_ = frame.vertex_ids, last_vertices_ = out.vertices;
@@ -84,6 +86,27 @@ Depths Estimator::update(const FrameView& frame, const Reading& reading) {
     kept.insert(moved_);
     path_.keep(kept);
     return out;
+}
+
+// A corner seen as a point and as the end of outlines: their mean where they agree, else the outlines, which
+// do not slide along an edge.
+void Estimator::join_corners(const FrameView& frame, VertexDepths& found) const {
+    const std::vector<Corner>& corners = outline_.corners();
+    for (std::size_t i = 0; i < corners.size(); ++i) {
+        if (!(corners[i].rho > 0)) continue;
+        double rho = corners[i].rho, sigma = corners[i].sigma_rho;
+        const double z = found.xyz_cm[i].z;
+        if (z > 0) {
+            const double point = 1 / z, point_sigma = found.sigma_cm[i] / (z * z);
+            if (std::abs(point - rho) < AGREES * std::hypot(sigma, point_sigma)) {
+                const double a = 1 / (sigma * sigma), b = 1 / (point_sigma * point_sigma);
+                rho = (a * rho + b * point) / (a + b), sigma = 1 / std::sqrt(a + b);
+            }
+        }
+        if (!(sigma < config_.vertex.max_relative_sigma * rho)) continue;
+        found.xyz_cm[i] = (1 / rho) * camera_.ray(frame.vertex_px[i]);
+        found.sigma_cm[i] = sigma / (rho * rho);
+    }
 }
 
 // New noise on corners that were seen from here before is no news of their depth.

@@ -55,6 +55,7 @@ class Estimator {
     int present() const { return present_; }
 
   private:
+    void join_corners(const FrameView& frame, VertexDepths& found) const;
     void at_rest_no_surer(const FrameView& frame, VertexDepths& now);
 
     Camera camera_;

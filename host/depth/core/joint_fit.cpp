@@ -46,6 +46,8 @@ JointFit::JointFit(const Samples& samples, std::size_t regions, std::size_t fram
     looks_.resize(n * frames), weight_.assign(n * frames, 0.0);
     common_.assign(n, 0.0), trust_.assign(n, 0.0), total_.assign(n, 1.0);
     scale_.assign(regions, 1.0);
+    rows_of_.resize(regions);
+    for (std::size_t i = 0; i < n; ++i) rows_of_[static_cast<std::size_t>(samples.rows[i].region)].push_back(i);
 }
 
 void JointFit::look(const Comparison& comparison, const std::vector<RegionState>& state,
@@ -344,6 +346,23 @@ std::vector<RegionFit> JointFit::regions(const std::vector<double>& own,
                         f.tilted_covariance[3 * i + j] += inverse[3 * i + p] * bcb[3 * p + q] * inverse[3 * q + j];
     }
     return out;
+}
+
+JointFit::Nearby JointFit::nearby(std::size_t region, Vec2 place, double reach_px, const FitSettings& settings) const {
+    double information = 0, gradient = 0;
+    for (const std::size_t n : rows_of_[region]) {
+        if (!(trust_[n] > 0) || !(length(samples_->rows[n].offset - place) < reach_px)) continue;
+        const double* weights = &weight_[row_of(n, 0)];
+        const Look* looks = &looks_[row_of(n, 0)];
+        double total = 1, g = 0, e = 0, gg = 0, ge = 0;
+        for (std::size_t k = 0; k < frames_; ++k) {
+            total += weights[k], g += weights[k] * looks[k].gain, e += weights[k] * looks[k].residual;
+            gg += weights[k] * square(looks[k].gain), ge += weights[k] * looks[k].gain * looks[k].residual;
+        }
+        information += trust_[n] * (gg - g * g / total), gradient += trust_[n] * (ge - g * e / total);
+    }
+    if (!(information > 0)) return {};
+    return {-gradient / information, information / (square(scale_[region]) * settings.correlation)};
 }
 
 }  // namespace depth

@@ -71,6 +71,13 @@ class JointFit {
 
     std::vector<RegionFit> regions(const std::vector<double>& own, const std::vector<RegionState>& state) const;
 
+    // What the own outline within `reach_px` of a place, px from the region's middle, says of the inverse depth
+    // there beyond the region's fit: its difference, and how sure it is (1 / variance).
+    struct Nearby {
+        double difference = 0.0, precision = 0.0;
+    };
+    Nearby nearby(std::size_t region, Vec2 place, double reach_px, const FitSettings& settings) const;
+
     // (C, C, 3, 3) flattened: covariance of the cameras' corrections after the last step.
     const std::vector<double>& camera_covariance() const { return motion_covariance_; }
 
@@ -84,6 +91,7 @@ class JointFit {
     std::size_t row_of(std::size_t n, std::size_t k) const { return n * frames_ + k; }
 
     const Samples* samples_;
+    std::vector<std::vector<std::size_t>> rows_of_;  // by region
     std::size_t regions_, frames_;
     std::vector<Look> looks_;      // [row][frame]
     std::vector<double> weight_;   // likewise

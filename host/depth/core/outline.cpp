@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdio>
 #include <string>
+#include <unordered_map>
 
 #include "ownership.hpp"
 #include "polygon.hpp"
@@ -31,6 +32,9 @@ constexpr double PLANE_TILT = 0.25;     // prior: relative change of depth over 
 constexpr double COHERENT = 0.3;        // share of the residuals' scale by which a whole outline errs alike
 constexpr double LOST_SHARE = 0.06;     // relative error of a depth whose outline is hardly found again
 constexpr double BEYOND_SLANT = 1.2;    // tangent of the slant that what is cut may have beyond its outline
+constexpr double CORNER_PX = 25.0;       // of outline either way that shows the depth of a corner
+constexpr double UNEVEN_SHARE = 0.04;    // where the region is no single face, whose outline is in one plane
+constexpr double CORNER_SHARE = 0.08;    // by which a corner lies before or behind the rest of the outline
 constexpr double CLEARLY_BETTER = 0.03;  // mean cost by which a jerk must explain the outlines better
 constexpr int LOOK_AGAIN_FRAMES = 5;     // after which a region's depth is looked for anew among all depths,
 constexpr double LOOK_AGAIN_REACH = 1.2; // or when the longest way has grown so much: a wrong one would keep itself
@@ -59,6 +63,7 @@ OutlineMethod::OutlineMethod(const Camera& camera, const OutlineConfig& config) 
 std::vector<OutlineAnswer> OutlineMethod::update(const FrameView& frame, Path& path, int present, EgoMotion& ego,
                                                  const std::optional<EgoMotion::Jerk>& jerk,
                                                  const std::vector<double>& expected) {
+    corners_.assign(frame.vertex_ids.size(), {});
     std::vector<OutlineAnswer> out = answers(frame, path, present, ego, jerk, expected);
     if (keyframes_.empty() || path.distance_cm(keyframes_.back().frame, present) >= config_.min_step_cm) {
         Keyframe now;
@@ -205,8 +210,39 @@ std::vector<OutlineAnswer> OutlineMethod::answers(const FrameView& frame, Path& 
         shapes[r].travel_sigma = std::sqrt(unsolved);
         out.push_back(answer(frame.regions[r], fits[r], start[r], shapes[r]));
     }
+    find_corners(frame, fit, settings, fits, out, middle);
     return out;
 }
+
+// A region's surface is expected to pass through its corners; the outline next to a corner may know better.
+void OutlineMethod::find_corners(const FrameView& frame, const JointFit& fit, const FitSettings& settings,
+                                 const std::vector<RegionFit>& fits, const std::vector<OutlineAnswer>& answers,
+                                 const std::vector<Vec2>& middle) {
+    std::unordered_map<std::int64_t, std::size_t> row;
+    for (std::size_t i = 0; i < frame.vertex_ids.size(); ++i) row[frame.vertex_ids[i]] = i;
+    std::vector<double> surest(frame.vertex_ids.size(), 0.0);
+    for (std::size_t r = 0; r < frame.regions.size(); ++r) {
+        if (!answers[r].surface.known()) continue;
+        for (const std::int64_t id : frame.regions[r].corners) {
+            const auto it = row.find(id);
+            if (it == row.end()) continue;
+            const Vec2 place = frame.vertex_px[it->second] - middle[r];
+            const JointFit::Nearby near = fit.nearby(r, place, CORNER_PX, settings);
+            if (!(near.precision > surest[it->second])) continue;  // of the regions round it the one that knows most
+            surest[it->second] = near.precision;
+            const double here = std::max(fits[r].tilted.at(place), 0.5 * fits[r].tilted.rho);
+            const double expected = answers[r].slanted ? here : fits[r].level.rho;
+            const double hold = 1 / square(CORNER_SHARE * expected);
+            Corner& corner = corners_[it->second];
+            corner.rho = (near.precision * (here + near.difference) + hold * expected) / (near.precision + hold);
+            const double coherent = COHERENT * fits[r].scale_px / fits[r].shift_px * corner.rho;
+            const double uneven = may_be_one_face(frame.regions[r].loops.front()) ? 0.0 : UNEVEN_SHARE * corner.rho;
+            corner.sigma_rho = std::sqrt(1 / (near.precision + hold) + fits[r].level_variance + square(coherent) +
+                                         square(uneven));
+        }
+    }
+}
+
 
 OutlineAnswer OutlineMethod::answer(const RegionView& region, const RegionFit& fit, const Start& start,
                                     const Shape& shape) const {

@@ -45,6 +45,12 @@ struct OutlineAnswer {
     double own_share = 1.0;     // of its outline that is not the outline of something nearer
 };
 
+// Depth of a vertex of the net from the outlines that meet in it.
+struct Corner {
+    double rho = 0.0;        // 1/cm; 0 where no outline there has a depth of its own
+    double sigma_rho = 0.0;
+};
+
 class OutlineMethod {
   public:
     OutlineMethod(const Camera& camera, const OutlineConfig& config);
@@ -55,6 +61,9 @@ class OutlineMethod {
     // expected: inverse depths where they are known from before, else 0
     std::vector<OutlineAnswer> update(const FrameView& frame, Path& path, int present, EgoMotion& ego,
                                       const std::optional<EgoMotion::Jerk>& jerk, const std::vector<double>& expected);
+
+    // Of the vertices of the frame that `update` was given last, row by row.
+    const std::vector<Corner>& corners() const { return corners_; }
 
     // Frames that the path must keep.
     std::set<int> frames() const;
@@ -69,12 +78,16 @@ class OutlineMethod {
 
     std::vector<OutlineAnswer> answers(const FrameView& frame, Path& path, int present, EgoMotion& ego,
                                        const std::optional<EgoMotion::Jerk>& jerk, const std::vector<double>& expected);
+    void find_corners(const FrameView& frame, const JointFit& fit, const FitSettings& settings,
+                      const std::vector<RegionFit>& fits, const std::vector<OutlineAnswer>& answers,
+                      const std::vector<Vec2>& middle);
     OutlineAnswer answer(const RegionView& region, const RegionFit& fit, const Start& start,
                          const Shape& shape) const;
 
     Camera camera_;
     OutlineConfig config_;
     std::vector<Keyframe> keyframes_;  // oldest first
+    std::vector<Corner> corners_;
     std::map<std::int64_t, Clarity> clarity_;
 };
 
