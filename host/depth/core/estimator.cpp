@@ -99,8 +99,9 @@ void Estimator::join_corners(const FrameView& frame, VertexDepths& found) const 
         if (z > 0) {
             const double point = 1 / z, point_sigma = found.sigma_cm[i] / (z * z);
             if (std::abs(point - rho) < AGREES * std::hypot(sigma, point_sigma)) {
-                const double a = 1 / (sigma * sigma), b = 1 / (point_sigma * point_sigma);
-                rho = (a * rho + b * point) / (a + b), sigma = 1 / std::sqrt(a + b);
+                // both are of the same pixels: the mean is no surer than they are in the mean
+                const double a = 1 / (sigma * sigma), b = 1 / (point_sigma * point_sigma), w = a / (a + b);
+                rho = w * rho + (1 - w) * point, sigma = w * sigma + (1 - w) * point_sigma;
             }
         }
         if (!(sigma < config_.vertex.max_relative_sigma * rho)) continue;
