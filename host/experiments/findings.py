@@ -67,6 +67,7 @@ class Turn:
     seed: int
     was_rad: float  # larger one of pitch and yaw, against odometry
     left_rad: float  # the same against what the estimator made of it
+    step_left_rad: float  # the same of the turn since the frame before alone
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,6 @@ from host.experiments.score_ours import camera_of, corner_pulls, region_pulls, s
 from host.experiments.score_paper import score_exact_areas, score_paper
 from host.experiments.task import Scored, Task
 from host.experiments.truth import FrameTruth
-from host.pose import Pose
 from host.rbdn import Net
 from host.sim.render import Renderer, Webcam
 
@@ -33,6 +32,7 @@ def run_task(task: Task) -> RunResult:
     estimators = {odometry: Estimator(lens, task.depth) for odometry in driven.odometry}
     clock = _Clock()
     start: PolygonNet | None = None
+    before: DepthReport | None = None
     for k, true_pose in enumerate(driven.true):
         image = webcam.take(renderer.light(true_pose, task.model.psf_px), true_pose.t_s, k)
         with clock("paper"):
@@ -45,7 +45,7 @@ def run_task(task: Task) -> RunResult:
                 reports[odometry] = estimators[odometry].update(snapshot, poses[k])
         if k == 0:
             start = paper.polygons(paper_snapshot)
-        elif k in course.looks and start is not None:
+        elif k in course.looks and start is not None and before is not None:
             truth = FrameTruth(renderer, true_pose)
             straight = FrameTruth(renderer, driven.odometry["exact"][k])
             result.findings.extend(score_exact_areas(scored, straight, k))
@@ -53,10 +53,11 @@ def run_task(task: Task) -> RunResult:
             for odometry, report in reports.items():
                 result.findings.extend(score_paper(scored, start, now, odometry, k, lens))
                 result.findings.extend(score_ours(scored, truth, snapshot, report, odometry, k, lens))
-            result.turns.append(_turn(task, reports["exact"], driven, k))
+            result.turns.append(_turn(task, before, reports["exact"], driven, k))
             if k == course.frames - 1:
                 result.pulls.extend(region_pulls(task.course.name, truth, snapshot, reports["exact"]))
                 result.pulls.extend(corner_pulls(result.findings, course))
+        before = reports["exact"]
         if task.keep_stills and (k == 0 or k in course.looks):
             travel = course.looks.get(k, 0.0)
             result.stills.append(Still(travel, image, snapshot, reports["exact"]))
@@ -64,15 +65,27 @@ def run_task(task: Task) -> RunResult:
     return result
 
 
-def _turn(task: Task, report: DepthReport, driven: Drive, k: int) -> Turn:
+def _turn(task: Task, before: DepthReport, report: DepthReport, driven: Drive, k: int) -> Turn:
     """Angle between the true camera and odometry's, and between it and the solved one."""
     true, odometry = driven.true[k], driven.odometry["exact"][k]
-    left = _angle_rad(true, camera_of(report, odometry))
-    return Turn(task.course.name, task.seed, _angle_rad(true, odometry), left)
+    solved, solved_before = (
+        camera_of(r, driven.odometry["exact"][j]) for r, j in ((report, k), (before, k - 1))
+    )
+    step, solved_step = (
+        true.rotation.T @ driven.true[k - 1].rotation,
+        solved.rotation.T @ solved_before.rotation,
+    )
+    return Turn(
+        task.course.name,
+        task.seed,
+        _angle_rad(true.rotation, odometry.rotation),
+        _angle_rad(true.rotation, solved.rotation),
+        _angle_rad(step, solved_step),
+    )
 
 
-def _angle_rad(a: Pose, b: Pose) -> float:
-    turned = a.rotation.T @ b.rotation
+def _angle_rad(a: np.ndarray, b: np.ndarray) -> float:
+    turned = a.T @ b
     return float(max(abs(turned[0, 2] - turned[2, 0]), abs(turned[1, 2] - turned[2, 1])) / 2)
 
 

@@ -146,11 +146,19 @@ def _odometry(findings: Findings, turns: list[Turn]) -> Iterator[Target]:
     boxes = findings.where(travel_cm=10.0, at="first", method="fused", thing=BOXES)
     s = boxes.where(course="experiment_1", odometry="encoder").summary
     yield Target("experiment 1, encoder counts of 0.5 cm: median", "%", s.median, 0.5, answers=_share(s))
-    left = [t.left_rad for t in turns if t.course == "experiment_1"]
-    rms = math.degrees(float(np.sqrt(np.mean(np.square(left)))))
-    yield Target(
-        "unknown turn of up to 1 degree a frame, left: rms", "degrees", rms, 0.01, answers=f"{len(left)}"
-    )
+    shaken_turns = [t for t in turns if t.course == "experiment_1"]
+    for what, left in (
+        ("left of the turn between two frames", [t.step_left_rad for t in shaken_turns]),
+        ("left of the camera's angle to its way", [t.left_rad for t in shaken_turns]),
+    ):
+        rms = math.degrees(float(np.sqrt(np.mean(np.square(left)))))
+        yield Target(
+            f"unknown turn of up to 1 degree a frame, {what}: rms",
+            "degrees",
+            rms,
+            0.01,
+            answers=f"{len(left)}",
+        )
     exact = boxes.where(odometry="exact")
     shaken, steady = (exact.where(course=c).summary for c in ("experiment_1", "experiment_1_steady"))
     yield Target(
