@@ -208,7 +208,9 @@ class _Parser(argparse.ArgumentParser):
 def _mover(text: str) -> Mover:
     name, _, step = text.partition("=")
     try:
-        return Mover(name, float(step))
+        if not math.isfinite(step_cm := float(step)):
+            raise ValueError
+        return Mover(name, step_cm)
     except ValueError:
         raise UsageError(f"--move {text!r}: give a thing and its step in cm, like ball_1=0.5") from None
 
@@ -239,6 +241,9 @@ def main() -> None:
     for name in ("shake", "encoder"):
         if not 0.0 <= getattr(options, name) < math.inf:
             raise UsageError(f"--{name} must be 0 or more, not {getattr(options, name)}")
+    for name in ("step", "turn"):
+        if not math.isfinite(getattr(options, name)):
+            raise UsageError(f"--{name} must be a finite number, not {getattr(options, name)}")
     way = Way(
         options.frames,
         options.step,

@@ -10,7 +10,7 @@ import pytest
 
 from host.errors import UsageError
 from host.record.sequence import read_sequence
-from host.sim.export import Mover, Way, export
+from host.sim.export import Mover, Way, export, main
 from host.sim.render import IDEAL, WebcamModel
 from host.sim.world import boxes, room
 
@@ -128,4 +128,14 @@ def test_a_mover_goes_to_the_right_and_is_marked(tmp_path):
 def test_a_mover_that_is_not_there_is_refused_with_the_names_that_are(tmp_path):
     with pytest.raises(UsageError, match=r"'blue_box'.*red_box, green_box"):
         export(tmp_path / "out", boxes(), Way(frames=1), IDEAL, Mover("blue_box", 1.0))
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("option", "value"), [("--step", "nan"), ("--turn", "inf"), ("--move", "red_box=nan"), ("--shake", "nan")]
+)
+def test_numbers_that_are_none_are_refused_before_anything_is_written(tmp_path, monkeypatch, option, value):
+    monkeypatch.setattr("sys.argv", ["export", str(tmp_path / "out"), option, value])
+    with pytest.raises(UsageError, match=option):
+        main()
     assert not (tmp_path / "out").exists()
