@@ -49,12 +49,14 @@ class DepthConfig:
 
     def __post_init__(self) -> None:
         for key, value in asdict(self).items():
-            if isinstance(value, int) and value < 1:
-                raise ValueError(f"{key} = {value} must be at least 1")
+            if isinstance(value, int) and value < 3:  # the first, the last, and one that may go
+                raise ValueError(f"{key} = {value} must be at least 3")
             if not value >= 0:
                 raise ValueError(f"{key} = {value} is negative")
             if "_share" in key and value > 1:
                 raise ValueError(f"{key} = {value} is over 1, and it is a share")
+        if not self.min_step_cm > 0:
+            raise ValueError(f"min_step_cm = {self.min_step_cm} must be above 0")
         if not 0 < self.nearest_cm < self.farthest_cm:
             raise ValueError(
                 f"nearest_cm = {self.nearest_cm} must be above 0 and below farthest_cm = {self.farthest_cm}"

@@ -11,6 +11,7 @@ from board_scene import LENS
 from drives import FIRST, Run, ahead, before_the_wall, boards_before_a_wall, drive, table_top, wall
 from solid_scene import Eye, board
 
+from host.depth.config import DepthConfig
 from host.depth.report import DepthReport
 from host.pose import Pose
 from host.rbdn.snapshot import Contour, Snapshot, Vertices
@@ -117,6 +118,23 @@ def test_a_leap_of_odometry_is_no_trouble(far_cm: float):
     for name, error in run.errors().items():
         found = run.region(name)
         assert abs(error) < max(0.1, 3 * found.sigma_cm / found.depth_cm)
+
+
+@pytest.mark.parametrize("when", [0, 5])
+def test_a_place_that_is_not_a_number_is_forgotten(when: int):
+    path = ahead(17, 16.0)
+    said = [replace(p, position_cm=p.position_cm * (1 if k != when else np.nan)) for k, p in enumerate(path)]
+    errors = before_the_wall(all_sound(drive(look_at(), path, said)))
+    assert np.isfinite(errors).all() and np.abs(errors).max() < 0.05
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("keyframes", 2), ("vertex_history", 2), ("area_history", 2), ("min_step_cm", 0.0), ("nearest_cm", 0.0)],
+)
+def test_settings_the_engine_cannot_work_with_are_refused_by_name(name: str, value: float):
+    with pytest.raises(ValueError, match=name):
+        replace(DepthConfig(), **{name: value})
 
 
 @pytest.mark.parametrize("away_cm", [1e5, 1e8])
