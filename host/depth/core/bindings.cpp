@@ -105,6 +105,10 @@ std::vector<depth::RegionView> regions_from(const Ids& ids, const Numbers& area_
     return out;
 }
 
+void require(bool holds, const char* what) {
+    if (!holds) throw nb::value_error(what);
+}
+
 // Samples between two different regions of the frame.
 void put_outline(depth::FrameView& frame, const Points& px, const Points& normal, const Ids& left,
                  const Ids& right, const Numbers& length_px) {
@@ -131,9 +135,23 @@ class EstimatorCore {
                     const Numbers& vertex_sigma_px, const Points& outline, const Points& normals, const Ids& left,
                     const Ids& right, const Numbers& length_px, const Ids& changed, const Triples& rotation,
                     const Numbers& place) {
+        const std::size_t n = ids.shape(0), drawn = loops.shape(0), seen = outline.shape(0);
+        require(area_px.shape(0) == n && sigma_area_px.shape(0) == n && touches_border.shape(0) == n && rgb.shape(0) == n,
+                "one area, sigma, flag and colour for each region");
+        std::size_t points = 0;
+        for (std::size_t k = 0; k < loop_size.shape(0); ++k) points += static_cast<std::size_t>(loop_size(k));
+        require(raw_loops.shape(0) == drawn && corners.shape(0) == drawn && points == drawn &&
+                    loop_region.shape(0) == loop_size.shape(0),
+                "loops, their vertices and their sizes must belong together");
+        require(vertices.shape(0) == vertex_ids.shape(0) && vertex_sigma_px.shape(0) == vertex_ids.shape(0),
+                "one place and sigma for each vertex");
+        require(normals.shape(0) == seen && left.shape(0) == seen && right.shape(0) == seen && length_px.shape(0) == seen,
+                "one normal, length and pair of regions for each outline sample");
+        require(rotation.shape(0) == 3 && place.shape(0) == 6, "a rotation of 3 x 3 and a place of 6 numbers");
         depth::FrameView frame;
         frame.regions = regions_from(ids, area_px, sigma_area_px, touches_border, rgb, loops, raw_loops, corners,
                                      loop_size, loop_region);
+        for (const depth::RegionView& r : frame.regions) require(!r.loops.empty(), "a region without an outline");
         frame.vertex_ids = ids_from(vertex_ids), frame.vertex_px = points_from(vertices);
         frame.vertex_sigma_px = numbers_from(vertex_sigma_px);
         put_outline(frame, outline, normals, left, right, length_px);

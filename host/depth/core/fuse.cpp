@@ -38,13 +38,10 @@ std::array<double, 3> best_weights(const std::array<const Answer*, 3>& answers, 
 }  // namespace
 
 std::optional<Fused> combine(const std::array<const Answer*, 3>& answers) {
+    // growth alone is too easily fooled, by whatever takes away from a region or adds to it
     const Answer* best = answers[static_cast<std::size_t>(Method::outline)];
-    if (!best->known()) {
-        best = nullptr;
-        for (const Answer* a : answers)
-            if (a->known() && (best == nullptr || a->sigma_cm < best->sigma_cm)) best = a;
-    }
-    if (best == nullptr) return std::nullopt;
+    if (!best->known()) best = answers[static_cast<std::size_t>(Method::vertex)];
+    if (!best->known()) return std::nullopt;
     Fused out;
     std::array<bool, 3> agrees{};
     for (std::size_t m = 0; m < 3; ++m) {

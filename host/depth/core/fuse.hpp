@@ -30,7 +30,7 @@ struct Fused {
 
 // Mean of least variance of the methods' answers, in the order of `Method`; one that contradicts the outline is left
 // out and named. The outline forgives what the others do not see: an edge that vanished, a corner that
-// slid, an area that took in a shadow. Without it the surest of the others is the measure.
+// slid, an area that took in a shadow. Without it the vertices are the measure; an area alone is none.
 std::optional<Fused> combine(const std::array<const Answer*, 3>& answers);
 
 struct FuseConfig {

@@ -238,7 +238,7 @@ void OutlineMethod::find_corners(const FrameView& frame, const JointFit& fit, co
             const double coherent = COHERENT * fits[r].scale_px / fits[r].shift_px * corner.rho;
             const double uneven = may_be_one_face(frame.regions[r].loops.front()) ? 0.0 : UNEVEN_SHARE * corner.rho;
             corner.sigma_rho = std::sqrt(1 / (near.precision + hold) + fits[r].level_variance + square(coherent) +
-                                         square(uneven));
+                                         square(uneven) + square(answers[r].way_sigma * corner.rho));
         }
     }
 }
@@ -254,6 +254,7 @@ OutlineAnswer OutlineMethod::answer(const RegionView& region, const RegionFit& f
     if (!(shape.length_px > 0)) return no("no outline to measure");
     out.own_share = shape.own;
     out.misfit_px = fit.scale_px;
+    out.way_sigma = shape.travel_sigma;
     if (start.contrast < MIN_CONTRAST) {
         out.own_share = 1.0;
         return no("many depths fit its outline alike");

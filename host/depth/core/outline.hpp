@@ -41,6 +41,7 @@ struct OutlineAnswer {
     double silhouette_cm = 0.0; // where the outline itself is; 0 where there is no answer
     bool slanted = false;
     Vec2 slope;                 // d(1/Z) per px, where the outline shows a slant
+    double way_sigma = 0.0;     // relative error of the ways it comes from, beyond what is solved
     double misfit_px = 0.0;     // scale of what no depth explains; 0 where nothing could be compared
     double own_share = 1.0;     // of its outline that is not the outline of something nearer
 };
