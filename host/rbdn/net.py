@@ -87,8 +87,8 @@ class Net:
     def faces(self) -> dict[str, np.ndarray]:
         """The polygons behind the regions, not refined.
 
-        Vertices with their ids, edges (a, b, left, right), and of every polygon its mean, area and region id as
-        of the last image; the label image.
+        Vertices with their ids, edges (a, b, left, right), and of every polygon its mean, area and region id
+        as of the last image; the label image.
         """
         return self._core.faces()
 
