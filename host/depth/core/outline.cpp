@@ -223,6 +223,7 @@ void OutlineMethod::find_corners(const FrameView& frame, const JointFit& fit, co
     std::vector<double> surest(frame.vertex_ids.size(), 0.0);
     for (std::size_t r = 0; r < frame.regions.size(); ++r) {
         if (!answers[r].surface.known()) continue;
+        const bool flat = may_be_one_face(frame.regions[r].loops.front());
         for (const std::int64_t id : frame.regions[r].corners) {
             const auto it = row.find(id);
             if (it == row.end()) continue;
@@ -236,7 +237,7 @@ void OutlineMethod::find_corners(const FrameView& frame, const JointFit& fit, co
             Corner& corner = corners_[it->second];
             corner.rho = (near.precision * (here + near.difference) + hold * expected) / (near.precision + hold);
             const double coherent = COHERENT * fits[r].scale_px / fits[r].shift_px * corner.rho;
-            const double uneven = may_be_one_face(frame.regions[r].loops.front()) ? 0.0 : UNEVEN_SHARE * corner.rho;
+            const double uneven = flat ? 0.0 : UNEVEN_SHARE * corner.rho;
             corner.sigma_rho = std::sqrt(1 / (near.precision + hold) + fits[r].level_variance + square(coherent) +
                                          square(uneven) + square(answers[r].way_sigma * corner.rho));
         }
