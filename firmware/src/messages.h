@@ -12,7 +12,7 @@
 #include <stdint.h> // integers of known width
 
 #define PROTOCOL_VERSION 1u // of framing, checksum and handshake
-#define SCHEMA_HASH UINT32_C(0xD1C7CF97) // of every message and enumeration below
+#define SCHEMA_HASH UINT32_C(0x88FADA8C) // of every message and enumeration below
 #define LINK_BAUD UINT32_C(250000) // exact on a 16 MHz ATmega328P
 #define DEAD_MAN_US UINT32_C(200000) // a setpoint holds no longer, whatever its DRIVE says
 #define DRIVE_AHEAD_MAX_US UINT32_C(500000) // refuse a DRIVE whose deadline is further ahead
@@ -20,8 +20,8 @@
 #define LINK_STATUS_PERIOD_US UINT32_C(200000) // between two LINK_STATUS
 #define LINK_STALE_WINDOW 16u // sequence numbers this close behind are repeats
 #define LINK_OVERHEAD 6u // bytes of id, sequence number and checksum
-#define LINK_RAW_MAX_TO_ROBOT 14u // longest frame before COBS
-#define LINK_RAW_MAX_TO_HOST 47u // longest frame before COBS
+#define LINK_RAW_MAX_TO_ROBOT 20u // longest frame before COBS
+#define LINK_RAW_MAX_TO_HOST 53u // longest frame before COBS
 #define NO_EDGE_US UINT32_C(4294967295) // edge age of a wheel that has not turned
 
 // --- Enumerations ----------------------------------------------------------------------------------
@@ -60,8 +60,9 @@ enum reset_cause {
     RESET_WATCHDOG = 4,
 };
 
-// Why a message was not obeyed.
+// Why a message was not obeyed, or not to its end.
 enum refusal {
+    REFUSED_NONE = 0,
     REFUSED_NO_SESSION = 1,
     REFUSED_SCHEMA = 2,
     REFUSED_EXPIRED = 3,
@@ -69,7 +70,68 @@ enum refusal {
     REFUSED_FAULT_LATCHED = 5,
     REFUSED_BAD_NONCE = 6,
     REFUSED_FAULT_PERSISTS = 7,
+    REFUSED_NOT_STANDING = 8,
+    REFUSED_BUSY = 9,
+    REFUSED_OLD_REQUEST = 10,
+    REFUSED_BY_STOP = 11,
+    REFUSED_BY_DRIVE = 12,
+    REFUSED_BY_FAULT = 13,
+    REFUSED_NOT_STORED = 14,
 };
+
+// What became of the last request.
+enum outcome {
+    OUTCOME_NONE = 0,
+    OUTCOME_RUNNING = 1,
+    OUTCOME_DONE = 2,
+    OUTCOME_ABORTED = 3,
+    OUTCOME_REFUSED = 4,
+};
+
+// What STOP does with the motors.
+enum stop_how {
+    STOP_BRAKE = 0,
+    STOP_COAST = 1,
+};
+
+// What PARAM_READ and PARAM_WRITE name.
+enum param {
+    PARAM_UM_PER_COUNT_LEFT = 0,
+    PARAM_UM_PER_COUNT_RIGHT = 1,
+    PARAM_TRACK_UM = 2,
+    PARAM_SPEED_MAX_MM_S = 3,
+    PARAM_ACCELERATION_MM_S2 = 4,
+    PARAM_STATIC_DUTY_LEFT = 5,
+    PARAM_STATIC_DUTY_RIGHT = 6,
+    PARAM_VELOCITY_Q8_LEFT = 7,
+    PARAM_VELOCITY_Q8_RIGHT = 8,
+    PARAM_ACCELERATION_Q8 = 9,
+    PARAM_PROPORTIONAL_Q8 = 10,
+    PARAM_INTEGRAL_Q12 = 11,
+    PARAM_INTEGRAL_LIMIT = 12,
+    PARAM_BATTERY_FULL_MV = 13,
+    PARAM_BATTERY_MIN_MV = 14,
+};
+
+// X(name, default, lowest, highest) for every parameter, in the order of enum param.
+#define PARAM_LIST(X) \
+    X(UM_PER_COUNT_LEFT, 5000, 100, 40000) /* travel of the left wheel's rim in one count, um */ \
+    X(UM_PER_COUNT_RIGHT, 5000, 100, 40000) /* travel of the right wheel's rim in one count, um */ \
+    X(TRACK_UM, 150000, 20000, 1000000) /* between the wheels' contact points, um */ \
+    X(SPEED_MAX_MM_S, 600, 20, 2000) /* fastest a wheel may be asked to go, mm/s */ \
+    X(ACCELERATION_MM_S2, 1000, 50, 10000) /* most a wheel's speed is made to change, mm/s^2 */ \
+    X(STATIC_DUTY_LEFT, 2600, 0, 32767) /* duty that just overcomes friction, 32767 = full */ \
+    X(STATIC_DUTY_RIGHT, 2600, 0, 32767) /* the same, right motor */ \
+    X(VELOCITY_Q8_LEFT, 690, 0, 32767) /* duty per 1/16 mm/s of speed, times 256, left motor */ \
+    X(VELOCITY_Q8_RIGHT, 690, 0, 32767) /* the same, right motor */ \
+    X(ACCELERATION_Q8, 0, 0, 32767) /* duty per 1/16 mm/s of speed gained in a tick, times 256 */ \
+    X(PROPORTIONAL_Q8, 345, 0, 32767) /* duty per 1/16 mm/s of error, times 256 */ \
+    X(INTEGRAL_Q12, 140, 0, 32767) /* duty per 1/16 mm/s of error and tick, times 4096 */ \
+    X(INTEGRAL_LIMIT, 8000, 0, 32767) /* duty the integral alone may reach */ \
+    X(BATTERY_FULL_MV, 7400, 1000, 30000) /* voltage at which the duties above hold, mV */ \
+    X(BATTERY_MIN_MV, 6400, 0, 30000) /* lower for half a second stops the robot, mV; 0: not watched */
+
+#define PARAM_COUNT 15u
 
 // --- Bytes ---------------------------------------------------------------------------------------
 
@@ -170,9 +232,23 @@ static inline void msg_drive_decode(struct msg_drive *message, const uint8_t *pa
     message->expires_us = msg_get_u32(payload + 4);
 }
 
-// Brake to a standstill; no fault is latched.
+// Motors off without a fault: brake to a standstill, or coast.
 #define MSG_STOP 0x04u
-#define MSG_STOP_SIZE 0u
+#define MSG_STOP_SIZE 1u
+
+struct msg_stop {
+    uint8_t how; // StopHow; what is not one of these brakes
+};
+
+static inline void msg_stop_encode(const struct msg_stop *message, uint8_t *payload)
+{
+    msg_put_u8(payload + 0, message->how);
+}
+
+static inline void msg_stop_decode(struct msg_stop *message, const uint8_t *payload)
+{
+    message->how = msg_get_u8(payload + 0);
+}
 
 // Motors off at once, in any state and any order; latched until CLEAR.
 #define MSG_ESTOP 0x05u
@@ -196,6 +272,150 @@ static inline void msg_clear_decode(struct msg_clear *message, const uint8_t *pa
     message->boot_nonce = msg_get_u32(payload + 0);
 }
 
+// Drive straight for a distance, heading held. A request: done exactly once.
+#define MSG_MOVE 0x07u
+#define MSG_MOVE_SIZE 14u
+
+struct msg_move {
+    uint32_t boot_nonce; // from HELLO or TELEMETRY
+    uint16_t request;    // one more than the `request` of TELEMETRY
+    int16_t distance_mm; // forward positive
+    uint16_t speed_mm_s; // fastest on the way, above 0
+    uint32_t expires_us; // robot's clock at which it ends unless KEEP_ALIVE comes
+};
+
+static inline void msg_move_encode(const struct msg_move *message, uint8_t *payload)
+{
+    msg_put_u32(payload + 0, message->boot_nonce);
+    msg_put_u16(payload + 4, message->request);
+    msg_put_u16(payload + 6, (uint16_t)message->distance_mm);
+    msg_put_u16(payload + 8, message->speed_mm_s);
+    msg_put_u32(payload + 10, message->expires_us);
+}
+
+static inline void msg_move_decode(struct msg_move *message, const uint8_t *payload)
+{
+    message->boot_nonce = msg_get_u32(payload + 0);
+    message->request = msg_get_u16(payload + 4);
+    message->distance_mm = (int16_t)msg_get_u16(payload + 6);
+    message->speed_mm_s = msg_get_u16(payload + 8);
+    message->expires_us = msg_get_u32(payload + 10);
+}
+
+// Turn on the spot by an angle. A request: done exactly once.
+#define MSG_TURN 0x08u
+#define MSG_TURN_SIZE 14u
+
+struct msg_turn {
+    uint32_t boot_nonce;  // from HELLO or TELEMETRY
+    uint16_t request;     // one more than the `request` of TELEMETRY
+    int16_t angle_mrad;   // positive to the right
+    uint16_t rate_mrad_s; // fastest on the way, above 0
+    uint32_t expires_us;  // robot's clock at which it ends unless KEEP_ALIVE comes
+};
+
+static inline void msg_turn_encode(const struct msg_turn *message, uint8_t *payload)
+{
+    msg_put_u32(payload + 0, message->boot_nonce);
+    msg_put_u16(payload + 4, message->request);
+    msg_put_u16(payload + 6, (uint16_t)message->angle_mrad);
+    msg_put_u16(payload + 8, message->rate_mrad_s);
+    msg_put_u32(payload + 10, message->expires_us);
+}
+
+static inline void msg_turn_decode(struct msg_turn *message, const uint8_t *payload)
+{
+    message->boot_nonce = msg_get_u32(payload + 0);
+    message->request = msg_get_u16(payload + 4);
+    message->angle_mrad = (int16_t)msg_get_u16(payload + 6);
+    message->rate_mrad_s = msg_get_u16(payload + 8);
+    message->expires_us = msg_get_u32(payload + 10);
+}
+
+// Lets a move go on; the latest wins.
+#define MSG_KEEP_ALIVE 0x09u
+#define MSG_KEEP_ALIVE_SIZE 4u
+
+struct msg_keep_alive {
+    uint32_t expires_us; // robot's clock at which the move brakes; at most 200 ms hold
+};
+
+static inline void msg_keep_alive_encode(const struct msg_keep_alive *message, uint8_t *payload)
+{
+    msg_put_u32(payload + 0, message->expires_us);
+}
+
+static inline void msg_keep_alive_decode(struct msg_keep_alive *message, const uint8_t *payload)
+{
+    message->expires_us = msg_get_u32(payload + 0);
+}
+
+// Asks for PARAM_VALUE.
+#define MSG_PARAM_READ 0x0Au
+#define MSG_PARAM_READ_SIZE 1u
+
+struct msg_param_read {
+    uint8_t param; // a Param
+};
+
+static inline void msg_param_read_encode(const struct msg_param_read *message, uint8_t *payload)
+{
+    msg_put_u8(payload + 0, message->param);
+}
+
+static inline void msg_param_read_decode(struct msg_param_read *message, const uint8_t *payload)
+{
+    message->param = msg_get_u8(payload + 0);
+}
+
+// Set a parameter from now until the next start. A request: done exactly once, answered by PARAM_VALUE.
+#define MSG_PARAM_WRITE 0x0Bu
+#define MSG_PARAM_WRITE_SIZE 11u
+
+struct msg_param_write {
+    uint32_t boot_nonce; // from HELLO or TELEMETRY
+    uint16_t request;    // one more than the `request` of TELEMETRY
+    uint8_t param;       // a Param
+    int32_t value;       // within the parameter's range
+};
+
+static inline void msg_param_write_encode(const struct msg_param_write *message, uint8_t *payload)
+{
+    msg_put_u32(payload + 0, message->boot_nonce);
+    msg_put_u16(payload + 4, message->request);
+    msg_put_u8(payload + 6, message->param);
+    msg_put_u32(payload + 7, (uint32_t)message->value);
+}
+
+static inline void msg_param_write_decode(struct msg_param_write *message, const uint8_t *payload)
+{
+    message->boot_nonce = msg_get_u32(payload + 0);
+    message->request = msg_get_u16(payload + 4);
+    message->param = msg_get_u8(payload + 6);
+    message->value = (int32_t)msg_get_u32(payload + 7);
+}
+
+// Keep all parameters as they are in EEPROM. A request: done exactly once.
+#define MSG_PARAM_SAVE 0x0Cu
+#define MSG_PARAM_SAVE_SIZE 6u
+
+struct msg_param_save {
+    uint32_t boot_nonce; // from HELLO or TELEMETRY
+    uint16_t request;    // one more than the `request` of TELEMETRY
+};
+
+static inline void msg_param_save_encode(const struct msg_param_save *message, uint8_t *payload)
+{
+    msg_put_u32(payload + 0, message->boot_nonce);
+    msg_put_u16(payload + 4, message->request);
+}
+
+static inline void msg_param_save_decode(struct msg_param_save *message, const uint8_t *payload)
+{
+    message->boot_nonce = msg_get_u32(payload + 0);
+    message->request = msg_get_u16(payload + 4);
+}
+
 #define MSG_UNKNOWN 0xFFu
 
 // Payload size of a message to the robot; MSG_UNKNOWN when no such message has this id.
@@ -208,6 +428,12 @@ static inline uint8_t msg_to_robot_size(uint8_t id)
     case MSG_STOP: return MSG_STOP_SIZE;
     case MSG_ESTOP: return MSG_ESTOP_SIZE;
     case MSG_CLEAR: return MSG_CLEAR_SIZE;
+    case MSG_MOVE: return MSG_MOVE_SIZE;
+    case MSG_TURN: return MSG_TURN_SIZE;
+    case MSG_KEEP_ALIVE: return MSG_KEEP_ALIVE_SIZE;
+    case MSG_PARAM_READ: return MSG_PARAM_READ_SIZE;
+    case MSG_PARAM_WRITE: return MSG_PARAM_WRITE_SIZE;
+    case MSG_PARAM_SAVE: return MSG_PARAM_SAVE_SIZE;
     default: return MSG_UNKNOWN;
     }
 }
@@ -267,7 +493,7 @@ static inline void msg_pong_decode(struct msg_pong *message, const uint8_t *payl
 
 // The robot's state, every 10 ms.
 #define MSG_TELEMETRY 0x83u
-#define MSG_TELEMETRY_SIZE 41u
+#define MSG_TELEMETRY_SIZE 47u
 
 struct msg_telemetry {
     uint32_t mcu_time_us;        // robot's clock at which everything below held
@@ -286,6 +512,11 @@ struct msg_telemetry {
     uint16_t illegal_right;      // impossible transitions of the right encoder, wraps
     uint32_t boot_nonce;         // as in HELLO; a change means that the robot restarted
     uint8_t drive_seq;           // sequence number of the last DRIVE obeyed
+    int8_t direction_left;       // of the left encoder's last edge: 1 forward, -1 backward, 0 none yet
+    int8_t direction_right;      // of the right encoder's last edge: 1 forward, -1 backward, 0 none yet
+    uint16_t request;            // the last request taken, 0 before the first
+    uint8_t outcome;             // what became of it
+    uint8_t reason;              // why it was refused or ended early
 };
 
 static inline void msg_telemetry_encode(const struct msg_telemetry *message, uint8_t *payload)
@@ -306,6 +537,11 @@ static inline void msg_telemetry_encode(const struct msg_telemetry *message, uin
     msg_put_u16(payload + 34, message->illegal_right);
     msg_put_u32(payload + 36, message->boot_nonce);
     msg_put_u8(payload + 40, message->drive_seq);
+    msg_put_u8(payload + 41, (uint8_t)message->direction_left);
+    msg_put_u8(payload + 42, (uint8_t)message->direction_right);
+    msg_put_u16(payload + 43, message->request);
+    msg_put_u8(payload + 45, message->outcome);
+    msg_put_u8(payload + 46, message->reason);
 }
 
 static inline void msg_telemetry_decode(struct msg_telemetry *message, const uint8_t *payload)
@@ -326,6 +562,11 @@ static inline void msg_telemetry_decode(struct msg_telemetry *message, const uin
     message->illegal_right = msg_get_u16(payload + 34);
     message->boot_nonce = msg_get_u32(payload + 36);
     message->drive_seq = msg_get_u8(payload + 40);
+    message->direction_left = (int8_t)msg_get_u8(payload + 41);
+    message->direction_right = (int8_t)msg_get_u8(payload + 42);
+    message->request = msg_get_u16(payload + 43);
+    message->outcome = msg_get_u8(payload + 45);
+    message->reason = msg_get_u8(payload + 46);
 }
 
 // A message arrived whole and was not obeyed.
@@ -395,6 +636,27 @@ static inline void msg_link_status_decode(struct msg_link_status *message, const
     message->stale = msg_get_u16(payload + 14);
     message->tx_dropped = msg_get_u16(payload + 16);
     message->rx_overrun = msg_get_u16(payload + 18);
+}
+
+// Answers PARAM_READ and PARAM_WRITE.
+#define MSG_PARAM_VALUE 0x86u
+#define MSG_PARAM_VALUE_SIZE 5u
+
+struct msg_param_value {
+    uint8_t param; // which parameter
+    int32_t value; // as it is now
+};
+
+static inline void msg_param_value_encode(const struct msg_param_value *message, uint8_t *payload)
+{
+    msg_put_u8(payload + 0, message->param);
+    msg_put_u32(payload + 1, (uint32_t)message->value);
+}
+
+static inline void msg_param_value_decode(struct msg_param_value *message, const uint8_t *payload)
+{
+    message->param = msg_get_u8(payload + 0);
+    message->value = (int32_t)msg_get_u32(payload + 1);
 }
 
 #endif

@@ -101,6 +101,8 @@ static void send_telemetry(struct robot *robot, uint32_t now_us)
         .illegal_right = right->illegal,
         .boot_nonce = robot->supervisor.boot_nonce,
         .drive_seq = robot->drive_seq,
+        .direction_left = left->direction,
+        .direction_right = right->direction,
     };
     uint8_t payload[MSG_TELEMETRY_SIZE];
     msg_telemetry_encode(&telemetry, payload);

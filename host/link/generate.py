@@ -14,6 +14,7 @@ from pathlib import Path
 
 from host.errors import InputError, run_command
 from host.link import protocol
+from host.link.parameters import PARAMETERS
 from host.link.protocol import LAYOUTS, Layout, Wire
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -26,6 +27,9 @@ ENUM_PREFIXES = {
     protocol.Fault: "FAULT",
     protocol.ResetCause: "RESET",
     protocol.Refusal: "REFUSED",
+    protocol.Outcome: "OUTCOME",
+    protocol.StopHow: "STOP",
+    protocol.Param: "PARAM",
 }
 CONSTANTS = {
     "PROTOCOL_VERSION": (protocol.PROTOCOL_VERSION, "of framing, checksum and handshake"),
@@ -184,6 +188,19 @@ def _c_enumeration(enumeration: type[IntEnum]) -> str:
     return "\n".join([*lines, "};"]) + "\n"
 
 
+def _c_parameters() -> str:
+    lines = [
+        "// X(name, default, lowest, highest) for every parameter, in the order of enum param.",
+        "#define PARAM_LIST(X) \\",
+        *(
+            f"    X({param.name}, {default}, {lowest}, {highest}) /* {meaning} */ \\"
+            for param, (default, lowest, highest, meaning) in PARAMETERS.items()
+        ),
+    ]
+    lines[-1] = lines[-1].removesuffix(" \\")
+    return "\n".join([*lines, "", f"#define PARAM_COUNT {len(PARAMETERS)}u"]) + "\n"
+
+
 def header() -> str:
     """All of messages.h."""
     parts = [HEADER_TOP]
@@ -194,6 +211,7 @@ def header() -> str:
     parts[1] = "\n" + parts[1]
     parts.append(_c_banner("Enumerations"))
     parts += ["\n" + _c_enumeration(enumeration) for enumeration in protocol.ENUMERATIONS]
+    parts.append("\n" + _c_parameters())
     parts.append(HEADER_HELPERS)
     for to_host, title in ((False, "Messages to the robot"), (True, "Messages to the host")):
         parts.append(_c_banner(title))
@@ -240,6 +258,11 @@ def tables() -> dict[str, str]:
         for enumeration in protocol.ENUMERATIONS
     ]
 
+    parameters = [
+        [str(param.value), param.name, *map(str, (default, lowest, highest)), meaning]
+        for param, (default, lowest, highest, meaning) in PARAMETERS.items()
+    ]
+
     def messages(to_host: bool) -> str:
         return "\n".join(_message_section(one) for one in LAYOUTS.values() if one.to_host == to_host)
 
@@ -249,6 +272,7 @@ def tables() -> dict[str, str]:
         "messages to the robot": messages(to_host=False),
         "messages to the host": messages(to_host=True),
         "enumerations": "\n".join(enumerations),
+        "parameters": _table(["value", "name", "default", "lowest", "highest", "meaning"], parameters),
         "counters": _table(["counter", "counts"], [[one.name, one.meaning] for one in counters.fields]),
         "schema": "```\n" + protocol.schema_text() + "```\n",
     }

@@ -12,6 +12,8 @@ from dataclasses import dataclass, fields
 from enum import IntEnum
 from typing import Annotated, ClassVar, NamedTuple, cast, get_args, get_type_hints
 
+from host.link.parameters import PARAMETERS, Param
+
 PROTOCOL_VERSION = 1  # of framing, checksum and handshake; messages are covered by SCHEMA_HASH
 BAUD = 250_000  # exact on a 16 MHz ATmega328P, where 115200 is 2.1 % off
 
@@ -49,6 +51,7 @@ class Wire(NamedTuple):
 u8 = Wire("u8", "B")
 u16 = Wire("u16", "H")
 u32 = Wire("u32", "I")
+i8 = Wire("i8", "b")
 i16 = Wire("i16", "h")
 i32 = Wire("i32", "i")
 
@@ -93,15 +96,40 @@ class ResetCause(IntEnum):
 
 
 class Refusal(IntEnum):
-    """Why a message was not obeyed."""
+    """Why a message was not obeyed, or not to its end."""
 
+    NONE = 0
     NO_SESSION = 1  # HELLO_REQUEST must come first after every start
     SCHEMA = 2  # HELLO_REQUEST named another protocol version or schema hash
-    EXPIRED = 3  # the deadline of a DRIVE had passed when it arrived
-    BAD_VALUE = 4  # speed out of range, or a deadline too far ahead
+    EXPIRED = 3  # the deadline had passed when the message arrived
+    BAD_VALUE = 4  # a number out of range, or a deadline too far ahead
     FAULT_LATCHED = 5  # CLEAR first
-    BAD_NONCE = 6  # CLEAR from before the last reset
+    BAD_NONCE = 6  # meant for another start of the robot
     FAULT_PERSISTS = 7  # CLEAR while the cause is still there
+    NOT_STANDING = 8  # parameters change, and moves begin, only while READY
+    BUSY = 9  # an earlier PARAM_SAVE is still being written
+    OLD_REQUEST = 10  # a later request has been taken since
+    BY_STOP = 11  # a move ended by STOP
+    BY_DRIVE = 12  # a move ended by DRIVE
+    BY_FAULT = 13  # a move ended by the fault that TELEMETRY names
+    NOT_STORED = 14  # what the EEPROM holds is not what was written to it
+
+
+class Outcome(IntEnum):
+    """What became of the last request."""
+
+    NONE = 0  # no request since the robot's start
+    RUNNING = 1  # accepted; a move goes on, or the EEPROM is being written
+    DONE = 2
+    ABORTED = 3  # accepted, and ended early; `reason` says why
+    REFUSED = 4  # never begun; `reason` says why
+
+
+class StopHow(IntEnum):
+    """What STOP does with the motors."""
+
+    BRAKE = 0  # shorted
+    COAST = 1  # open: the wheels roll out and can be turned by hand
 
 
 # --- Messages to the robot: ids below 0x80 ------------------------------------------------------
@@ -139,9 +167,10 @@ class Drive:
 
 @dataclass(frozen=True, slots=True)
 class Stop:
-    """Brake to a standstill; no fault is latched."""
+    """Motors off without a fault: brake to a standstill, or coast."""
 
     ID: ClassVar[int] = 0x04
+    how: Annotated[int, u8, "StopHow; what is not one of these brakes"] = StopHow.BRAKE
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,6 +186,66 @@ class Clear:
 
     ID: ClassVar[int] = 0x06
     boot_nonce: Annotated[int, u32, "from HELLO or TELEMETRY"]
+
+
+@dataclass(frozen=True, slots=True)
+class Move:
+    """Drive straight for a distance, heading held. A request: done exactly once."""
+
+    ID: ClassVar[int] = 0x07
+    boot_nonce: Annotated[int, u32, "from HELLO or TELEMETRY"]
+    request: Annotated[int, u16, "one more than the `request` of TELEMETRY"]
+    distance_mm: Annotated[int, i16, "forward positive"]
+    speed_mm_s: Annotated[int, u16, "fastest on the way, above 0"]
+    expires_us: Annotated[int, u32, "robot's clock at which it ends unless KEEP_ALIVE comes"]
+
+
+@dataclass(frozen=True, slots=True)
+class Turn:
+    """Turn on the spot by an angle. A request: done exactly once."""
+
+    ID: ClassVar[int] = 0x08
+    boot_nonce: Annotated[int, u32, "from HELLO or TELEMETRY"]
+    request: Annotated[int, u16, "one more than the `request` of TELEMETRY"]
+    angle_mrad: Annotated[int, i16, "positive to the right"]
+    rate_mrad_s: Annotated[int, u16, "fastest on the way, above 0"]
+    expires_us: Annotated[int, u32, "robot's clock at which it ends unless KEEP_ALIVE comes"]
+
+
+@dataclass(frozen=True, slots=True)
+class KeepAlive:
+    """Lets a move go on; the latest wins."""
+
+    ID: ClassVar[int] = 0x09
+    expires_us: Annotated[int, u32, "robot's clock at which the move brakes; at most 200 ms hold"]
+
+
+@dataclass(frozen=True, slots=True)
+class ParamRead:
+    """Asks for PARAM_VALUE."""
+
+    ID: ClassVar[int] = 0x0A
+    param: Annotated[int, u8, "a Param"]
+
+
+@dataclass(frozen=True, slots=True)
+class ParamWrite:
+    """Set a parameter from now until the next start. A request: done exactly once, answered by PARAM_VALUE."""
+
+    ID: ClassVar[int] = 0x0B
+    boot_nonce: Annotated[int, u32, "from HELLO or TELEMETRY"]
+    request: Annotated[int, u16, "one more than the `request` of TELEMETRY"]
+    param: Annotated[int, u8, "a Param"]
+    value: Annotated[int, i32, "within the parameter's range"]
+
+
+@dataclass(frozen=True, slots=True)
+class ParamSave:
+    """Keep all parameters as they are in EEPROM. A request: done exactly once."""
+
+    ID: ClassVar[int] = 0x0C
+    boot_nonce: Annotated[int, u32, "from HELLO or TELEMETRY"]
+    request: Annotated[int, u16, "one more than the `request` of TELEMETRY"]
 
 
 # --- Messages to the host: ids from 0x80 --------------------------------------------------------
@@ -207,6 +296,11 @@ class Telemetry:
     illegal_right: Annotated[int, u16, "impossible transitions of the right encoder, wraps"]
     boot_nonce: Annotated[int, u32, "as in HELLO; a change means that the robot restarted"]
     drive_seq: Annotated[int, u8, "sequence number of the last DRIVE obeyed"]
+    direction_left: Annotated[int, i8, "of the left encoder's last edge: 1 forward, -1 backward, 0 none yet"]
+    direction_right: Annotated[int, i8, "of the right encoder's last edge: 1 forward, -1 backward, 0 none yet"]
+    request: Annotated[int, u16, "the last request taken, 0 before the first"]
+    outcome: Annotated[Outcome, u8, "what became of it"]
+    reason: Annotated[Refusal, u8, "why it was refused or ended early"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -236,12 +330,25 @@ class LinkStatus:
     rx_overrun: Annotated[int, u16, "bytes lost before the decoder saw them"]
 
 
+@dataclass(frozen=True, slots=True)
+class ParamValue:
+    """Answers PARAM_READ and PARAM_WRITE."""
+
+    ID: ClassVar[int] = 0x86
+    param: Annotated[Param, u8, "which parameter"]
+    value: Annotated[int, i32, "as it is now"]
+
+
+Request = Move | Turn | ParamWrite | ParamSave  # done exactly once
 Message = (
-    HelloRequest | Ping | Drive | Stop | EStop | Clear | Hello | Pong | Telemetry | Nack | LinkStatus
+    HelloRequest | Ping | Drive | Stop | EStop | Clear | Move | Turn | KeepAlive | ParamRead | ParamWrite | ParamSave
+    | Hello | Pong | Telemetry | Nack | LinkStatus | ParamValue
 )  # fmt: skip
 
 MESSAGES: tuple[type[Message], ...] = get_args(Message)
-ENUMERATIONS: tuple[type[IntEnum], ...] = (State, Fault, ResetCause, Refusal)
+ENUMERATIONS: tuple[type[IntEnum], ...] = (
+    State, Fault, ResetCause, Refusal, Outcome, StopHow, Param,
+)  # fmt: skip
 
 # --- Layouts, read from the classes -------------------------------------------------------------
 
@@ -330,6 +437,8 @@ def schema_text() -> str:
     for layout in sorted(LAYOUTS.values(), key=lambda layout: layout.id):
         parts = [f"{field.name}:{field.wire.name}" for field in layout.fields]
         lines.append(" ".join([f"message {layout.id:#04x} {layout.type.__name__}", *parts]))
+    for param, (default, lowest, highest, _) in PARAMETERS.items():
+        lines.append(f"param {param.name} default={default} lowest={lowest} highest={highest}")
     return "\n".join(lines) + "\n"
 
 

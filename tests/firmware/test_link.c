@@ -90,7 +90,8 @@ static void receive_message(uint8_t id, uint8_t seq, const uint8_t *payload, uin
 
 static void receive_stop(uint8_t seq)
 {
-    receive_message(MSG_STOP, seq, NULL, 0);
+    const uint8_t payload[MSG_STOP_SIZE] = {STOP_BRAKE};
+    receive_message(MSG_STOP, seq, payload, MSG_STOP_SIZE);
 }
 
 static unsigned dropped(void)
@@ -139,7 +140,8 @@ static void a_whole_frame_is_handed_on_once_and_at_its_delimiter(void **state)
 static void every_message_to_the_robot_is_known(void **state)
 {
     (void)state;
-    const uint8_t ids[] = {MSG_HELLO_REQUEST, MSG_PING, MSG_DRIVE, MSG_STOP, MSG_ESTOP, MSG_CLEAR};
+    const uint8_t ids[] = {MSG_HELLO_REQUEST, MSG_PING, MSG_DRIVE, MSG_STOP,        MSG_ESTOP,      MSG_CLEAR,
+                           MSG_MOVE,          MSG_TURN, MSG_KEEP_ALIVE, MSG_PARAM_READ, MSG_PARAM_WRITE, MSG_PARAM_SAVE};
     const uint8_t payload[16] = {1, 2, 3};
     for (unsigned i = 0; i < sizeof ids; i++) {
         receive_message(ids[i], (uint8_t)i, payload, msg_to_robot_size(ids[i]));
@@ -228,8 +230,8 @@ static void an_overlong_frame_is_dropped_whatever_its_length(void **state)
 static void a_correct_frame_one_byte_longer_than_any_message_is_overlong(void **state)
 {
     (void)state;
-    const uint8_t payload[16] = {0};
-    receive_message(MSG_DRIVE, 0, payload, MSG_DRIVE_SIZE + 1);
+    const uint8_t payload[MSG_MOVE_SIZE + 1] = {0};
+    receive_message(MSG_MOVE, 0, payload, MSG_MOVE_SIZE + 1);
     assert_int_equal(rig.link.counters.overlong, 1);
     assert_int_equal(rig.received_count, 0);
 }

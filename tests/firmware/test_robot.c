@@ -324,7 +324,7 @@ static void clear_with_the_right_nonce_allows_driving_again(void **state)
 static void stop_brakes_at_once(void **state)
 {
     (void)state;
-    tell(MSG_STOP, NULL, 0);
+    tell(MSG_STOP, (const uint8_t[]){STOP_BRAKE}, MSG_STOP_SIZE);
     expect_motors_off();
     ticks(1);
     expect_motors_off();
@@ -352,7 +352,7 @@ static void after_a_stop_driving_begins_as_if_for_the_first_time(void **state)
     int16_t first = rig.hal.duty[DRIVE_LEFT];
     ticks(30);
     assert_true(rig.hal.duty[DRIVE_LEFT] > 2 * first);
-    tell(MSG_STOP, NULL, 0);
+    tell(MSG_STOP, (const uint8_t[]){STOP_BRAKE}, MSG_STOP_SIZE);
     tell_drive(500, 0);
     ticks(1);
     assert_int_equal(rig.hal.duty[DRIVE_LEFT], first);

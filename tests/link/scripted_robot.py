@@ -19,6 +19,7 @@ from host.link.protocol import (
     LinkStatus,
     Message,
     Nack,
+    Outcome,
     Ping,
     Pong,
     Refusal,
@@ -110,7 +111,8 @@ class ScriptedRobot:
     def telemetry(self, t_s: float) -> Telemetry:
         mcu_us = self.mcu_us(t_s)
         return Telemetry(
-            mcu_us, self.state, Fault.NONE, 0, 0, 0, 0, 0, 0, 0, 0, 7400, 0, 0, self.nonce, 0
+            mcu_us, self.state, Fault.NONE, 0, 0, 0, 0, 0, 0, 0, 0, 7400, 0, 0, self.nonce, 0,
+            0, 0, 0, Outcome.NONE, Refusal.NONE,
         )  # fmt: skip
 
     def _start(self, t_s: float, cause: ResetCause) -> None:

@@ -211,7 +211,7 @@ def test_hello_starts_a_new_sequence_in_either_direction():
 
 
 def test_ids_tell_the_direction_and_are_unique():
-    assert len({layout.type for layout in LAYOUTS.values()}) == len(LAYOUTS) == 11
+    assert len({layout.type for layout in LAYOUTS.values()}) == len(LAYOUTS) == 18
     assert all(0 < layout.id < 0x100 for layout in LAYOUTS.values())
 
 
