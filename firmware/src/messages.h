@@ -116,7 +116,7 @@ enum param {
 // X(name, default, lowest, highest) for every parameter, in the order of enum param.
 #define PARAM_LIST(X) \
     X(UM_PER_COUNT_LEFT, 5000, 100, 40000) /* travel of the left wheel's rim in one count, um */ \
-    X(UM_PER_COUNT_RIGHT, 5000, 100, 40000) /* travel of the right wheel's rim in one count, um */ \
+    X(UM_PER_COUNT_RIGHT, 5000, 100, 40000) /* the same, right wheel */ \
     X(TRACK_UM, 150000, 20000, 1000000) /* between the wheels' contact points, um */ \
     X(SPEED_MAX_MM_S, 600, 20, 2000) /* fastest a wheel may be asked to go, mm/s */ \
     X(ACCELERATION_MM_S2, 1000, 50, 10000) /* most a wheel's speed is made to change, mm/s^2 */ \
@@ -129,7 +129,7 @@ enum param {
     X(INTEGRAL_Q12, 140, 0, 32767) /* duty per 1/16 mm/s of error and tick, times 4096 */ \
     X(INTEGRAL_LIMIT, 8000, 0, 32767) /* duty the integral alone may reach */ \
     X(BATTERY_FULL_MV, 7400, 1000, 30000) /* voltage at which the duties above hold, mV */ \
-    X(BATTERY_MIN_MV, 6400, 0, 30000) /* lower for half a second stops the robot, mV; 0: not watched */
+    X(BATTERY_MIN_MV, 6400, 0, 30000) /* less for 0.5 s stops the robot, mV; 0: not watched */
 
 #define PARAM_COUNT 15u
 
@@ -368,7 +368,7 @@ static inline void msg_param_read_decode(struct msg_param_read *message, const u
     message->param = msg_get_u8(payload + 0);
 }
 
-// Set a parameter from now until the next start. A request: done exactly once, answered by PARAM_VALUE.
+// Set a parameter until the next start. A request: done exactly once, answered by PARAM_VALUE.
 #define MSG_PARAM_WRITE 0x0Bu
 #define MSG_PARAM_WRITE_SIZE 11u
 
@@ -512,8 +512,8 @@ struct msg_telemetry {
     uint16_t illegal_right;      // impossible transitions of the right encoder, wraps
     uint32_t boot_nonce;         // as in HELLO; a change means that the robot restarted
     uint8_t drive_seq;           // sequence number of the last DRIVE obeyed
-    int8_t direction_left;       // of the left encoder's last edge: 1 forward, -1 backward, 0 none yet
-    int8_t direction_right;      // of the right encoder's last edge: 1 forward, -1 backward, 0 none yet
+    int8_t direction_left;       // of the left encoder's last edge: 1 forward, -1 backward, 0: none
+    int8_t direction_right;      // of the right encoder's last edge: 1 forward, -1 backward, 0: none
     uint16_t request;            // the last request taken, 0 before the first
     uint8_t outcome;             // what became of it
     uint8_t reason;              // why it was refused or ended early

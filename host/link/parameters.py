@@ -1,6 +1,7 @@
 """What may differ between two robots, and is kept in the robot's EEPROM: the schema of the parameters.
 
-Part of the link's schema: a change here changes SCHEMA_HASH, and a firmware with another list starts with defaults.
+Part of the link's schema: a change here changes SCHEMA_HASH, and a firmware with another list starts with
+defaults.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ class Parameter(NamedTuple):
 
 PARAMETERS: dict[Param, Parameter] = {
     Param.UM_PER_COUNT_LEFT: Parameter(5000, 100, 40_000, "travel of the left wheel's rim in one count, um"),
-    Param.UM_PER_COUNT_RIGHT: Parameter(5000, 100, 40_000, "travel of the right wheel's rim in one count, um"),
+    Param.UM_PER_COUNT_RIGHT: Parameter(5000, 100, 40_000, "the same, right wheel"),
     Param.TRACK_UM: Parameter(150_000, 20_000, 1_000_000, "between the wheels' contact points, um"),
     Param.SPEED_MAX_MM_S: Parameter(600, 20, 2000, "fastest a wheel may be asked to go, mm/s"),
     Param.ACCELERATION_MM_S2: Parameter(1000, 50, 10_000, "most a wheel's speed is made to change, mm/s^2"),
@@ -53,5 +54,5 @@ PARAMETERS: dict[Param, Parameter] = {
     Param.INTEGRAL_Q12: Parameter(140, 0, 32_767, "duty per 1/16 mm/s of error and tick, times 4096"),
     Param.INTEGRAL_LIMIT: Parameter(8000, 0, 32_767, "duty the integral alone may reach"),
     Param.BATTERY_FULL_MV: Parameter(7400, 1000, 30_000, "voltage at which the duties above hold, mV"),
-    Param.BATTERY_MIN_MV: Parameter(6400, 0, 30_000, "lower for half a second stops the robot, mV; 0: not watched"),
+    Param.BATTERY_MIN_MV: Parameter(6400, 0, 30_000, "less for 0.5 s stops the robot, mV; 0: not watched"),
 }

@@ -230,7 +230,7 @@ class ParamRead:
 
 @dataclass(frozen=True, slots=True)
 class ParamWrite:
-    """Set a parameter from now until the next start. A request: done exactly once, answered by PARAM_VALUE."""
+    """Set a parameter until the next start. A request: done exactly once, answered by PARAM_VALUE."""
 
     ID: ClassVar[int] = 0x0B
     boot_nonce: Annotated[int, u32, "from HELLO or TELEMETRY"]
@@ -296,8 +296,8 @@ class Telemetry:
     illegal_right: Annotated[int, u16, "impossible transitions of the right encoder, wraps"]
     boot_nonce: Annotated[int, u32, "as in HELLO; a change means that the robot restarted"]
     drive_seq: Annotated[int, u8, "sequence number of the last DRIVE obeyed"]
-    direction_left: Annotated[int, i8, "of the left encoder's last edge: 1 forward, -1 backward, 0 none yet"]
-    direction_right: Annotated[int, i8, "of the right encoder's last edge: 1 forward, -1 backward, 0 none yet"]
+    direction_left: Annotated[int, i8, "of the left encoder's last edge: 1 forward, -1 backward, 0: none"]
+    direction_right: Annotated[int, i8, "of the right encoder's last edge: 1 forward, -1 backward, 0: none"]
     request: Annotated[int, u16, "the last request taken, 0 before the first"]
     outcome: Annotated[Outcome, u8, "what became of it"]
     reason: Annotated[Refusal, u8, "why it was refused or ended early"]
@@ -341,8 +341,8 @@ class ParamValue:
 
 Request = Move | Turn | ParamWrite | ParamSave  # done exactly once
 Message = (
-    HelloRequest | Ping | Drive | Stop | EStop | Clear | Move | Turn | KeepAlive | ParamRead | ParamWrite | ParamSave
-    | Hello | Pong | Telemetry | Nack | LinkStatus | ParamValue
+    HelloRequest | Ping | Drive | Stop | EStop | Clear | Move | Turn | KeepAlive | ParamRead | ParamWrite
+    | ParamSave | Hello | Pong | Telemetry | Nack | LinkStatus | ParamValue
 )  # fmt: skip
 
 MESSAGES: tuple[type[Message], ...] = get_args(Message)
