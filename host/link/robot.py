@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from types import TracebackType
-from typing import Protocol, Self
+from typing import Self
 
 from host.errors import DeviceError
 from host.link.clock import Clock, RobotClock
@@ -30,6 +30,7 @@ from host.link.protocol import (
     Telemetry,
     encode,
 )
+from host.link.transport import Transport
 
 CONNECT_S = 3.0  # opening the port may reset the board, whose bootloader then waits up to 2 s
 ASK_AGAIN_S = 0.1
@@ -41,22 +42,6 @@ PING_TIMEOUT_S = 0.05
 BYTE_S = 10 / BAUD  # on the line, start and stop bit included
 _PONG_S = BYTE_S * len(encode(Pong(0, 0), 0))
 ESTOP_COPIES = 3
-
-
-class Transport(Protocol):
-    """Bytes to and from the robot."""
-
-    def write(self, data: bytes) -> None:
-        """Send all of `data`; DeviceError when the line is gone."""
-        ...
-
-    def read(self) -> bytes:
-        """What has arrived since the last call, without waiting; DeviceError when the line is gone."""
-        ...
-
-    def close(self) -> None:
-        """Let go of the line."""
-        ...
 
 
 class Robot:
