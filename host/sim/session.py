@@ -136,10 +136,14 @@ class Simulation:
         self.world = world_from_uri(uri)
         self.renderer = Renderer(self.world)
         body = body or BodyModel()
-        make_board = cast(type[Board], AvrBoard) if avr else Board  # alike in all that is used here
-        self.board = make_board(
-            self.world.seed, um_per_count=round(body.cm_per_count * 1e4), track_mm=round(body.track_cm * 10)
-        )
+        if avr:
+            self.board = cast(Board, AvrBoard(self.world.seed))  # alike in all that is used here
+        else:
+            self.board = Board(
+                self.world.seed,
+                um_per_count=round(body.cm_per_count * 1e4),
+                track_mm=round(body.track_cm * 10),
+            )
         self.body = Body(self.world, self.board, body, self.world.seed)
         self._webcam_model = webcam or WebcamModel()
         self._webcam = Webcam(self._webcam_model, self.world.lens, self.world.seed)

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from host.errors import DeviceError, UsageError
 from host.link.protocol import ResetCause
 from host.sim.board import Side
@@ -20,10 +22,10 @@ LIBRARY = ROOT / "build/avr/librig.so"
 CYCLES_PER_US = 16
 RAM_BYTES = 2048
 RAM_ADDRESS = 0x800000  # where an AVR's ELF puts data memory
+RAM_FIRST = 0x100
 
-# What the firmware is built with; the other board is told.
-UM_PER_COUNT = 5000
-TRACK_MM = 150
+EEPROM_BYTES = 1024
+FLASH_BYTES = 32768
 
 # Vector numbers of the interrupts that the firmware uses.
 VECTORS = {"encoder": 4, "millisecond": 7, "clock": 16, "receive": 18, "transmit": 19}
@@ -49,8 +51,15 @@ DECLARATIONS = """
     int rig_run_to(struct rig *, uint64_t cycle);
     void rig_write(struct rig *, const uint8_t *bytes, size_t count);
     size_t rig_read(struct rig *, uint8_t *bytes, size_t size);
-    void rig_encoder(struct rig *, uint8_t side, uint8_t pins, uint64_t at_cycle);
+    void rig_baud(struct rig *, uint32_t baud);
+    void rig_encoders(struct rig *, size_t count, const uint8_t *sides, const uint8_t *pins,
+                      const uint64_t *at_cycles);
     double rig_duty(const struct rig *, uint8_t side);
+    int rig_coasting(const struct rig *, uint8_t side);
+    void rig_eeprom_set(struct rig *, const uint8_t *bytes);
+    void rig_eeprom(struct rig *, uint8_t *bytes);
+    void rig_bootloader(struct rig *, uint32_t address, const uint8_t *bytes, size_t count);
+    void rig_flash(const struct rig *, uint8_t *bytes);
     void rig_battery_mv(struct rig *, uint32_t mv);
     void rig_estop(struct rig *, int pressed);
     void rig_reset(struct rig *, uint8_t mcusr, const uint8_t *noise);
@@ -108,12 +117,36 @@ def _static_end(elf: Path) -> int:
     if image[:6] != b"\x7fELF\x01\x01":
         raise UsageError(f"{elf} is no 32-bit ELF file: build it with `make firmware`")
     at, each, count = *struct.unpack_from("<I", image, 0x20), *struct.unpack_from("<HH", image, 0x2E)
-    end = 0x100
+    end = RAM_FIRST
     for section in range(count):
         _, _, flags, address, _, size = struct.unpack_from("<6I", image, at + section * each)
         if flags & 2 and RAM_ADDRESS <= address < RAM_ADDRESS + 0x10000:  # occupies memory, data memory
             end = max(end, address + size - RAM_ADDRESS)
     return end
+
+
+def read_hex(path: Path) -> tuple[int, bytes]:
+    """First address and contents of an Intel hex file; what it leaves out in between is 0xFF.
+
+    Raises
+    ------
+    UsageError
+        The file is no such thing.
+    """
+    image = bytearray()
+    first = None
+    for line in path.read_text("latin-1").split():
+        record = bytes.fromhex(line[1:]) if line.startswith(":") else b""
+        if len(record) < 5 or len(record) != record[0] + 5 or sum(record) % 256:
+            raise UsageError(f"{path} is no Intel hex file, or damaged: build or fetch it anew")
+        kind, at = record[3], int.from_bytes(record[1:3], "big")
+        if kind == 0:
+            first = at if first is None else first
+            image = image.ljust(at - first, b"\xff")
+            image[at - first : at - first + record[0]] = record[4:-1]
+    if first is None:
+        raise UsageError(f"{path} holds no program: build or fetch it anew")
+    return first, bytes(image)
 
 
 def _load_library(path: Path) -> tuple[Any, Any]:
@@ -141,10 +174,13 @@ class AvrBoard:
     ----------
     seed
         Decides what RAM holds at power-on, and with it the boot nonces.
-    um_per_count, track_mm
-        Only what the firmware was built with is accepted.
+    eeprom
+        What the EEPROM holds, at most 1024 bytes; the rest is erased.
     elf, library
         Firmware and simulator; those that ``make avr`` builds by default.
+    bootloader
+        An Intel hex file. The processor then starts in it, after every reset, and holds nothing else:
+        no `elf` is loaded.
 
     Raises
     ------
@@ -155,26 +191,28 @@ class AvrBoard:
     def __init__(
         self,
         seed: int = 0,
+        eeprom: bytes = b"",
         *,
-        um_per_count: int = UM_PER_COUNT,
-        track_mm: int = TRACK_MM,
         elf: Path = ELF,
         library: Path = LIBRARY,
+        bootloader: Path | None = None,
     ) -> None:
-        if (um_per_count, track_mm) != (UM_PER_COUNT, TRACK_MM):
-            raise UsageError(
-                f"the built firmware has {UM_PER_COUNT} um a count and a track of {TRACK_MM} mm, "
-                f"not {um_per_count} and {track_mm}: set the body to match, or use --robot sim:"
-            )
-        if not elf.is_file():
+        if len(eeprom) > EEPROM_BYTES:
+            raise ValueError(f"an ATmega328P holds {EEPROM_BYTES} bytes of EEPROM, not {len(eeprom)}")
+        if bootloader is None and not elf.is_file():
             raise UsageError(f"there is no firmware at {elf}: run tools/setup_avr, then make avr")
-        self._static_end = _static_end(elf)
+        self._static_end = RAM_FIRST if bootloader else _static_end(elf)
         self._ffi, self._c = _load_library(library)
         self._noise = random.Random(seed)
-        made = self._c.rig_new(str(elf).encode(), self._noise.randbytes(RAM_BYTES))
+        program = self._ffi.NULL if bootloader else str(elf).encode()
+        made = self._c.rig_new(program, self._noise.randbytes(RAM_BYTES))
         if made == self._ffi.NULL:
             raise UsageError(f"simavr cannot run {elf}: build it anew with `make firmware`")
         self._rig = self._ffi.gc(made, self._c.rig_free)
+        self._c.rig_eeprom_set(self._rig, eeprom.ljust(EEPROM_BYTES, b"\xff"))
+        if bootloader:
+            address, code = read_hex(bootloader)
+            self._c.rig_bootloader(self._rig, address, code, len(code))
         self._bytes = self._ffi.new("uint8_t[]", 4096)
         self._time_us = 0
 
@@ -206,6 +244,10 @@ class AvrBoard:
             parts.append(bytes(self._ffi.buffer(self._bytes, count)))
         return b"".join(parts)
 
+    def set_baud(self, baud: int) -> None:
+        """Speed of the line from the next byte on, 250000 at first."""
+        self._c.rig_baud(self._rig, baud)
+
     # --- Wheels ---------------------------------------------------------------------------------
 
     def set_encoder_pins(self, side: Side, a: bool, b: bool, at_us: int | None = None) -> None:
@@ -214,7 +256,28 @@ class AvrBoard:
             at_us = self._time_us
         elif at_us < self._time_us:
             raise ValueError(f"an edge at {at_us} us comes too late: it is {self._time_us} us")
-        self._c.rig_encoder(self._rig, side, bool(b) << 1 | bool(a), at_us * CYCLES_PER_US)
+        pins = bytes([bool(b) << 1 | bool(a)])
+        self._c.rig_encoders(self._rig, 1, bytes([side]), pins, [at_us * CYCLES_PER_US])
+
+    def set_many_encoder_pins(self, sides: np.ndarray, pins: np.ndarray, at_us: np.ndarray) -> None:
+        """Many calls of `set_encoder_pins` at once: arrays of sides, of pins as (b << 1) | a, and of times.
+
+        Raises
+        ------
+        ValueError
+            A time has passed.
+        """
+        if len(at_us) and at_us.min() < self._time_us:
+            raise ValueError(f"an edge at {at_us.min()} us comes too late: it is {self._time_us} us")
+        sides, pins = sides.astype(np.uint8), pins.astype(np.uint8)
+        cycles = at_us.astype(np.uint64) * CYCLES_PER_US
+        self._c.rig_encoders(
+            self._rig,
+            len(at_us),
+            self._ffi.from_buffer("uint8_t[]", sides),
+            self._ffi.from_buffer("uint8_t[]", pins),
+            self._ffi.from_buffer("uint64_t[]", cycles),
+        )
 
     def duty(self, side: Side) -> float:
         """What the motor driver gives one motor, -1 to 1, by the processor's pins and PWM registers.
@@ -231,6 +294,26 @@ class AvrBoard:
             )
         return duty
 
+    def coasting(self, side: Side) -> bool:
+        """The driver leaves this motor's ends open, so that it rolls freely instead of braking."""
+        return bool(self._c.rig_coasting(self._rig, side))
+
+    # --- Memories -------------------------------------------------------------------------------
+
+    @property
+    def eeprom(self) -> bytes:
+        """All 1024 bytes of the EEPROM; a byte whose writing has not ended is still the old one."""
+        contents = self._ffi.new("uint8_t[]", EEPROM_BYTES)
+        self._c.rig_eeprom(self._rig, contents)
+        return bytes(self._ffi.buffer(contents))
+
+    @property
+    def flash(self) -> bytes:
+        """All 32768 bytes of program memory."""
+        contents = self._ffi.new("uint8_t[]", FLASH_BYTES)
+        self._c.rig_flash(self._rig, contents)
+        return bytes(self._ffi.buffer(contents))
+
     # --- Surroundings ---------------------------------------------------------------------------
 
     def set_battery_mv(self, mv: int) -> None:
@@ -242,7 +325,11 @@ class AvrBoard:
         self._c.rig_estop(self._rig, pressed)
 
     def reset(self, cause: ResetCause = ResetCause.EXTERNAL) -> None:
-        """Restart the processor. RAM is kept unless the cause is POWER_ON."""
+        """Restart the processor. RAM is kept unless the cause is POWER_ON.
+
+        An EEPROM byte whose writing has not ended is lost if power went, POWER_ON or BROWN_OUT: it may then
+        be anything.
+        """
         noise = self._noise.randbytes(RAM_BYTES) if cause == ResetCause.POWER_ON else self._ffi.NULL
         self._c.rig_reset(self._rig, MCUSR_BITS[cause], noise)
 
@@ -281,7 +368,7 @@ class AvrBoard:
     @property
     def static_bytes(self) -> int:
         """RAM taken by the firmware's variables."""
-        return self._static_end - 0x100
+        return self._static_end - RAM_FIRST
 
     @property
     def stack_bytes(self) -> int:

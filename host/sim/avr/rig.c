@@ -17,7 +17,7 @@
 
 enum {
     HZ = 16000000,
-    LINE_BIT = HZ / 250000, // cycles
+    LINE_BAUD = 250000,     // unless rig_baud() says otherwise
     ENTRY = 4,              // cycles of an interrupt's entry, which simavr leaves out
     RETURN = 4,             // of reti, which it adds only after saying that the interrupt ended
     RX_PLACES = 3,          // two, and the shift register
@@ -25,8 +25,17 @@ enum {
     LAST_RAM = 0x8FF,
     RAM_SIZE = LAST_RAM + 1 - FIRST_RAM,
     VECTORS = 26,
+    EEPROM_SIZE = 1024,
+    EEPROM_ERASE_AND_WRITE = HZ / 10000 * 34, // 3.4 ms
+    EEPROM_ONE_OF_THEM = HZ / 10000 * 18,
+    EEPROM_ARMED = 4,       // cycles within which EEPE must follow EEMPE
+    MENDS = 64,
+    STUB_WORDS = 7,
+    FLASH_SIZE = 0x8000,
+    BOOTLOADER = 0x7800,    // the largest begins there
 
     // Data addresses of the registers looked at.
+    EECR = 0x3F, EEDR = 0x40, EEARL = 0x41, EEARH = 0x42,
     DDRB = 0x24, PORTB = 0x25, DDRD = 0x2A, PORTD = 0x2B, MCUSR = 0x54,
     TIMSK1 = 0x6F, TCCR1A = 0x80, TCCR1B = 0x81, ICR1 = 0x86, OCR1A = 0x88, OCR1B = 0x8A,
     UCSR0A = 0xC0, UBRR0 = 0xC4, UDR0 = 0xC6,
@@ -48,6 +57,12 @@ struct interrupt_watch {
     uint64_t began;
 };
 
+// Two words of the program that now are a jump to where they are done right.
+struct mend {
+    size_t at, stub;
+    uint16_t words[2];
+};
+
 struct rig {
     avr_t *avr;
     avr_uart_t *uart;
@@ -55,11 +70,12 @@ struct rig {
     uint64_t hung_until;
     uint8_t noise[RAM_SIZE];
 
-    struct edge *edges; // by time
-    size_t edge_count, edge_size;
-    uint8_t *to_avr;
-    size_t to_avr_count, to_avr_size;
-    uint64_t byte_in_at; // when the first of to_avr has come; 0: nothing on the line
+    struct edge *edges; // by time; those before edge_first have been
+    size_t edge_first, edge_count, edge_size;
+    unsigned line_bit; // cycles
+    uint8_t *to_avr;   // those before to_avr_first have come
+    size_t to_avr_first, to_avr_count, to_avr_size;
+    uint64_t byte_in_at; // when the next of to_avr has come; 0: nothing on the line
     struct sent *sent;
     size_t sent_count, sent_size;
     uint64_t sending_until;
@@ -67,6 +83,16 @@ struct rig {
     uint8_t rx[RX_PLACES];
     uint64_t rx_came[RX_PLACES];
     uint8_t rx_count;
+
+    uint8_t eeprom[EEPROM_SIZE];
+    uint16_t eeprom_address; // being written
+    uint8_t eeprom_byte;     // what will stand there
+    uint64_t eeprom_done_at; // 0: nothing is being written
+    uint64_t eeprom_armed_at;
+
+    struct mend mends[MENDS];
+    size_t mend_count;
+    int bootloader; // the program may change itself
 
     uint8_t port_c, port_d; // levels driven from outside
     uint32_t battery_mv;
@@ -120,20 +146,25 @@ static void drive_all(struct rig *rig)
     avr_raise_irq(avr_io_getirq(rig->avr, AVR_IOCTL_ADC_GETIRQ, ADC_IRQ_ADC4), rig->battery_mv / 2);
 }
 
+static int edge_due(const struct rig *rig)
+{
+    return rig->edge_first < rig->edge_count && rig->edges[rig->edge_first].at <= now(rig);
+}
+
 static avr_cycle_count_t edge_event(avr_t *avr, avr_cycle_count_t when, void *param)
 {
     struct rig *rig = param;
     (void)avr, (void)when;
-    size_t done = 0;
-    for (; done < rig->edge_count && rig->edges[done].at <= now(rig); done++) {
-        const struct edge *edge = &rig->edges[done];
+    while (edge_due(rig)) {
+        const struct edge *edge = &rig->edges[rig->edge_first++];
         uint8_t shift = edge->side ? 2 : 0;
         rig->port_c = (uint8_t)((rig->port_c & ~(3 << shift)) | edge->pins << shift);
         drive_port(rig, 'C', ENCODER_PINS, rig->port_c);
     }
-    rig->edge_count -= done;
-    memmove(rig->edges, rig->edges + done, rig->edge_count * sizeof *rig->edges);
-    return rig->edge_count ? rig->edges[0].at - rig->gone : 0;
+    if (rig->edge_first < rig->edge_count)
+        return rig->edges[rig->edge_first].at - rig->gone;
+    rig->edge_first = rig->edge_count = 0;
+    return 0;
 }
 
 // --- Line ------------------------------------------------------------------------------------------
@@ -143,7 +174,7 @@ static int baud_fits(struct rig *rig)
     const uint8_t *data = rig->avr->data;
     int bit = (data[UBRR0] + 256 * (data[UBRR0 + 1] & 0x0F) + 1) * (data[UCSR0A] & 0x02 ? 8 : 16);
     rig->uart->cycles_per_byte = 10u * (unsigned)bit;
-    if (abs(bit - LINE_BIT) * 50 <= LINE_BIT) // within 2 %
+    if (abs(bit - (int)rig->line_bit) * 40 <= (int)rig->line_bit) // within 2.5 %, as receivers bear
         return 1;
     rig->stats.rx_wrong_baud++;
     return 0;
@@ -188,14 +219,12 @@ static avr_cycle_count_t byte_event(avr_t *avr, avr_cycle_count_t when, void *pa
 {
     struct rig *rig = param;
     (void)avr, (void)when;
-    while (rig->to_avr_count > 0 && rig->byte_in_at <= now(rig)) {
-        take_byte(rig, rig->to_avr[0]);
-        rig->to_avr_count--;
-        memmove(rig->to_avr, rig->to_avr + 1, rig->to_avr_count);
-        rig->byte_in_at += 10 * LINE_BIT;
+    while (rig->to_avr_first < rig->to_avr_count && rig->byte_in_at <= now(rig)) {
+        take_byte(rig, rig->to_avr[rig->to_avr_first++]);
+        rig->byte_in_at += 10 * rig->line_bit;
     }
-    if (rig->to_avr_count == 0)
-        rig->byte_in_at = 0;
+    if (rig->to_avr_first == rig->to_avr_count)
+        rig->to_avr_first = rig->to_avr_count = rig->byte_in_at = 0;
     return rig->byte_in_at ? rig->byte_in_at - rig->gone : 0;
 }
 
@@ -206,7 +235,7 @@ static void byte_written(struct avr_irq_t *irq, uint32_t byte, void *param)
     if (!baud_fits(rig))
         return;
     uint64_t from = now(rig) > rig->sending_until ? now(rig) : rig->sending_until;
-    rig->sending_until = from + 10 * LINE_BIT;
+    rig->sending_until = from + 10 * rig->line_bit;
     rig->sent = grow(rig->sent, &rig->sent_size, rig->sent_count + 1, sizeof *rig->sent);
     rig->sent[rig->sent_count++] = (struct sent){rig->sending_until, (uint8_t)byte};
 }
@@ -219,8 +248,8 @@ void rig_write(struct rig *rig, const uint8_t *bytes, size_t count)
     memcpy(rig->to_avr + rig->to_avr_count, bytes, count);
     rig->to_avr_count += count;
     if (rig->byte_in_at == 0) {
-        rig->byte_in_at = now(rig) + 10 * LINE_BIT;
-        avr_cycle_timer_register(rig->avr, 10 * LINE_BIT, byte_event, rig);
+        rig->byte_in_at = now(rig) + 10 * rig->line_bit;
+        avr_cycle_timer_register(rig->avr, 10 * rig->line_bit, byte_event, rig);
     }
 }
 
@@ -234,6 +263,89 @@ size_t rig_read(struct rig *rig, uint8_t *bytes, size_t size)
     rig->sent_count -= count;
     memmove(rig->sent, rig->sent + count, rig->sent_count * sizeof *rig->sent);
     return count;
+}
+
+void rig_baud(struct rig *rig, uint32_t baud)
+{
+    rig->line_bit = (HZ + baud / 2) / baud;
+}
+
+// --- EEPROM ----------------------------------------------------------------------------------------
+
+enum { EERE = 1, EEPE = 2, EEMPE = 4, EERIE = 8, EEPM_SHIFT = 4 };
+
+static void eeprom_settle(struct rig *rig)
+{
+    if (rig->eeprom_done_at == 0 || rig->eeprom_done_at > now(rig))
+        return;
+    rig->eeprom[rig->eeprom_address] = rig->eeprom_byte;
+    rig->eeprom_done_at = 0;
+}
+
+// Power goes: the cell being written may hold anything afterwards.
+static void eeprom_cut(struct rig *rig, uint8_t chance)
+{
+    eeprom_settle(rig);
+    if (rig->eeprom_done_at != 0)
+        rig->eeprom[rig->eeprom_address] = chance;
+    rig->eeprom_done_at = 0;
+}
+
+static uint16_t eeprom_register(const struct rig *rig)
+{
+    return (uint16_t)((rig->avr->data[EEARL] | rig->avr->data[EEARH] << 8) % EEPROM_SIZE);
+}
+
+static int eeprom_is_armed(const struct rig *rig)
+{
+    return rig->eeprom_armed_at != 0 && now(rig) - rig->eeprom_armed_at <= EEPROM_ARMED;
+}
+
+static void eeprom_begin(struct rig *rig, uint8_t mode)
+{
+    uint8_t byte = rig->avr->data[EEDR], old;
+    rig->eeprom_address = eeprom_register(rig);
+    old = rig->eeprom[rig->eeprom_address];
+    rig->eeprom_byte = mode == 1 ? 0xFF : mode == 2 ? old & byte : byte;
+    rig->eeprom_done_at = now(rig) + (mode == 0 ? EEPROM_ERASE_AND_WRITE : EEPROM_ONE_OF_THEM);
+    rig->eeprom_armed_at = 0;
+    rig->avr->cycle += 2; // the processor stands
+}
+
+static void write_eecr(avr_t *avr, avr_io_addr_t addr, uint8_t value, void *param)
+{
+    struct rig *rig = param;
+    eeprom_settle(rig);
+    int busy = rig->eeprom_done_at != 0;
+    if (value & EEPE && !busy && eeprom_is_armed(rig))
+        eeprom_begin(rig, value >> EEPM_SHIFT & 3);
+    else if (value & EERE && !busy) {
+        avr->data[EEDR] = rig->eeprom[eeprom_register(rig)];
+        avr->cycle += 4;
+    }
+    if (value & EEMPE && !(value & EEPE))
+        rig->eeprom_armed_at = now(rig);
+    avr->data[addr] = value & (uint8_t)~(EERE | EEPE | EEMPE);
+}
+
+static uint8_t read_eecr(avr_t *avr, avr_io_addr_t addr, void *param)
+{
+    struct rig *rig = param;
+    eeprom_settle(rig);
+    uint8_t kept = avr->data[addr] & (uint8_t)~(EERE | EEPE | EEMPE);
+    return (uint8_t)(kept | (rig->eeprom_done_at ? EEPE : 0) | (eeprom_is_armed(rig) ? EEMPE : 0));
+}
+
+void rig_eeprom_set(struct rig *rig, const uint8_t *bytes)
+{
+    rig->eeprom_done_at = 0;
+    memcpy(rig->eeprom, bytes, EEPROM_SIZE);
+}
+
+void rig_eeprom(struct rig *rig, uint8_t *bytes)
+{
+    eeprom_settle(rig);
+    memcpy(bytes, rig->eeprom, EEPROM_SIZE);
 }
 
 // --- Interrupts and sleep --------------------------------------------------------------------------
@@ -287,6 +399,69 @@ static void look_at_mask(struct rig *rig)
     }
 }
 
+// --- An instruction that simavr gets wrong ---------------------------------------------------------
+
+static int is_skip(uint16_t word)
+{
+    return (word & 0xFC00) == 0x1000       // cpse
+        || (word & 0xFC08) == 0xFC00       // sbrc, sbrs
+        || (word & 0xFD00) == 0x9900;      // sbic, sbis
+}
+
+// adiw or sbiw with a constant that makes simavr, deciding how far to skip, take it for a call or jump.
+static int is_mistaken_for_long(uint16_t word)
+{
+    return (word & 0xFE00) == 0x9600 && (word & 0x0C) == 0x0C;
+}
+
+// The program as it was written.
+static void unmend(const struct rig *rig, uint16_t *flash)
+{
+    for (size_t k = 0; k < rig->mend_count; k++) {
+        const struct mend *mend = &rig->mends[k];
+        if (flash[mend->at] == 0x940C && flash[mend->at + 1] == mend->stub) { // not programmed anew since
+            memcpy(flash + mend->at, mend->words, sizeof mend->words);
+            memset(flash + mend->stub, 0xFF, STUB_WORDS * sizeof *flash);
+        }
+    }
+}
+
+// Moves each such pair of instructions past the end of the program, where a plain branch does the skip's work,
+// and puts a jump in its place. The pair takes 3 to 6 cycles longer; nothing else changes.
+static void mend_skips(struct rig *rig)
+{
+    uint16_t *flash = (uint16_t *)rig->avr->flash; // both machines are little endian
+    unmend(rig, flash);
+    rig->mend_count = 0;
+    size_t end = BOOTLOADER / 2; // of the program, the variables' first values included
+    while (end > 0 && flash[end - 1] == 0xFFFF)
+        end--;
+    size_t stub = end;
+    // Constants lie between the vectors and the code, which starts where the reset vector leads.
+    size_t at = flash[0] == 0x940C ? flash[1] : end;
+    for (; at + 1 < end && rig->mend_count < MENDS; at++) {
+        if (!is_skip(flash[at]) || !is_mistaken_for_long(flash[at + 1]))
+            continue;
+        rig->mends[rig->mend_count++] = (struct mend){at, stub, {flash[at], flash[at + 1]}};
+        uint16_t back = (uint16_t)(at + 2);
+        const uint16_t code[STUB_WORDS] = { // skip, rjmp, jmp, adiw, jmp
+            flash[at], 0xC002, 0x940C, back, flash[at + 1], 0x940C, back,
+        };
+        memcpy(flash + stub, code, sizeof code);
+        flash[at] = 0x940C;
+        flash[at + 1] = (uint16_t)stub;
+        stub += STUB_WORDS;
+        at++;
+    }
+    rig->avr->codeend = rig->bootloader ? rig->avr->flashend : (avr_flashaddr_t)(stub * 2);
+}
+
+void rig_flash(const struct rig *rig, uint8_t *bytes)
+{
+    memcpy(bytes, rig->avr->flash, FLASH_SIZE);
+    unmend(rig, (uint16_t *)bytes);
+}
+
 // --- Time ------------------------------------------------------------------------------------------
 
 static avr_cycle_count_t nothing(avr_t *avr, avr_cycle_count_t when, void *param)
@@ -320,10 +495,13 @@ static void after_reset(struct rig *rig)
     rig->sending_until = 0;
     rig->masked_since = 0;
     rig->hung_until = 0;
+    rig->eeprom_armed_at = 0; // a write that is under way goes on
+    if (rig->bootloader)
+        mend_skips(rig);
     unwire_int0(rig);
     drive_all(rig);
-    if (rig->edge_count)
-        register_at(rig, rig->edges[0].at, edge_event);
+    if (rig->edge_first < rig->edge_count)
+        register_at(rig, rig->edges[rig->edge_first].at, edge_event);
     if (rig->byte_in_at)
         register_at(rig, rig->byte_in_at, byte_event);
 }
@@ -366,30 +544,59 @@ int rig_run_to(struct rig *rig, uint64_t cycle)
 
 // --- Bench -----------------------------------------------------------------------------------------
 
-void rig_encoder(struct rig *rig, uint8_t side, uint8_t pins, uint64_t at_cycle)
+static void insert_edge(struct rig *rig, struct edge edge)
 {
     rig->edges = grow(rig->edges, &rig->edge_size, rig->edge_count + 1, sizeof *rig->edges);
     size_t place = rig->edge_count++;
-    for (; place > 0 && rig->edges[place - 1].at > at_cycle; place--)
+    for (; place > rig->edge_first && rig->edges[place - 1].at > edge.at; place--)
         rig->edges[place] = rig->edges[place - 1];
-    rig->edges[place] = (struct edge){at_cycle, side, pins};
+    rig->edges[place] = edge;
+}
+
+void rig_encoders(struct rig *rig, size_t count, const uint8_t *sides, const uint8_t *pins,
+                  const uint64_t *at_cycles)
+{
+    for (size_t k = 0; k < count; k++)
+        insert_edge(rig, (struct edge){at_cycles[k], sides[k], pins[k]});
     avr_cycle_timer_cancel(rig->avr, edge_event, rig);
-    if (rig->edges[0].at <= now(rig))
+    if (edge_due(rig))
         edge_event(rig->avr, 0, rig);
-    if (rig->edge_count)
-        register_at(rig, rig->edges[0].at, edge_event);
+    if (rig->edge_first < rig->edge_count)
+        register_at(rig, rig->edges[rig->edge_first].at, edge_event);
+}
+
+// Pins of ports B and D that are driven high.
+static int driver_pin(const struct rig *rig, int port, int pin)
+{
+    const uint8_t *data = rig->avr->data;
+    return (data[port ? DDRD : DDRB] & data[port ? PORTD : PORTB]) >> pin & 1;
+}
+
+static int is_on(const struct rig *rig)
+{
+    return driver_pin(rig, 1, 6); // standby
+}
+
+static int in1_of(const struct rig *rig, uint8_t side)
+{
+    return driver_pin(rig, 1, side ? 4 : 7);
+}
+
+static int in2_of(const struct rig *rig, uint8_t side)
+{
+    return side ? driver_pin(rig, 1, 5) : driver_pin(rig, 0, 0);
+}
+
+int rig_coasting(const struct rig *rig, uint8_t side)
+{
+    return !is_on(rig) || (!in1_of(rig, side) && !in2_of(rig, side));
 }
 
 double rig_duty(const struct rig *rig, uint8_t side)
 {
     const uint8_t *data = rig->avr->data;
-    // Pins that are driven high.
-    uint8_t b = data[DDRB] & data[PORTB], d = data[DDRD] & data[PORTD];
-    if (!(d & 1 << 6)) // standby
-        return 0;
-    int in1 = side ? d >> 4 & 1 : d >> 7 & 1;
-    int in2 = side ? d >> 5 & 1 : b & 1;
-    if (in1 == in2)
+    int in1 = in1_of(rig, side), in2 = in2_of(rig, side);
+    if (!is_on(rig) || in1 == in2)
         return 0;
     uint8_t connected = side ? data[TCCR1A] >> 4 & 3 : data[TCCR1A] >> 6 & 3;
     int mode = (data[TCCR1B] >> 1 & 0x0C) | (data[TCCR1A] & 3);
@@ -416,6 +623,9 @@ void rig_estop(struct rig *rig, int pressed)
 
 void rig_reset(struct rig *rig, uint8_t mcusr, const uint8_t *noise)
 {
+    enum { PORF = 1, BORF = 4 };
+    if (mcusr & (PORF | BORF))
+        eeprom_cut(rig, rig->noise[rig->eeprom_address % RAM_SIZE]);
     if (noise) {
         memcpy(rig->noise, noise, RAM_SIZE);
         memcpy(rig->avr->data + FIRST_RAM, noise, RAM_SIZE);
@@ -457,42 +667,6 @@ size_t rig_stack_used(const struct rig *rig, uint16_t static_end)
     return (size_t)(LAST_RAM + 1 - at);
 }
 
-// --- An instruction that simavr gets wrong ---------------------------------------------------------
-
-static int is_skip(uint16_t word)
-{
-    return (word & 0xFC00) == 0x1000       // cpse
-        || (word & 0xFC08) == 0xFC00       // sbrc, sbrs
-        || (word & 0xFD00) == 0x9900;      // sbic, sbis
-}
-
-// adiw or sbiw with a constant that makes simavr, deciding how far to skip, take it for a call or jump.
-static int is_mistaken_for_long(uint16_t word)
-{
-    return (word & 0xFE00) == 0x9600 && (word & 0x0C) == 0x0C;
-}
-
-// Moves each such pair of instructions past the end of the program, where a plain branch does the skip's work,
-// and puts a jump in its place. The pair takes 3 to 6 cycles longer; nothing else changes.
-static void mend_skips(avr_t *avr, uint32_t image_bytes)
-{
-    uint16_t *flash = (uint16_t *)avr->flash; // both machines are little endian
-    size_t words = avr->codeend / 2, stub = (image_bytes + 1) / 2; // behind the variables' first values
-    // Constants lie between the vectors and the code, which starts where the reset vector leads.
-    for (size_t at = flash[1]; at + 1 < words; at++) {
-        if (!is_skip(flash[at]) || !is_mistaken_for_long(flash[at + 1]))
-            continue;
-        uint16_t back = (uint16_t)(at + 2);
-        const uint16_t code[] = {flash[at], 0xC002, 0x940C, back, flash[at + 1], 0x940C, back}; // rjmp, jmp, jmp
-        memcpy(flash + stub, code, sizeof code);
-        flash[at] = 0x940C;
-        flash[at + 1] = (uint16_t)stub;
-        stub += sizeof code / sizeof code[0];
-        at++;
-    }
-    avr->codeend = (avr_flashaddr_t)(stub * 2);
-}
-
 // --- Start -----------------------------------------------------------------------------------------
 
 static void say_nothing(avr_t *avr, const int level, const char *format, va_list values)
@@ -512,7 +686,7 @@ struct rig *rig_new(const char *elf, const uint8_t *noise)
 {
     avr_global_logger_set(say_nothing);
     elf_firmware_t firmware = {0};
-    if (elf_read_firmware(elf, &firmware) != 0)
+    if (elf && elf_read_firmware(elf, &firmware) != 0)
         return NULL;
     avr_t *avr = avr_make_mcu_by_name("atmega328p");
     if (!avr)
@@ -525,7 +699,7 @@ struct rig *rig_new(const char *elf, const uint8_t *noise)
     firmware.frequency = HZ;
     firmware.vcc = firmware.avcc = 5000;
     avr_load_firmware(avr, &firmware);
-    mend_skips(avr, firmware.flashbase + firmware.flashsize);
+    mend_skips(rig);
     avr->sleep = sleep_on;
     avr->reset = note_reset;
     avr->run_cycle_limit = HZ / 1000;
@@ -536,12 +710,28 @@ struct rig *rig_new(const char *elf, const uint8_t *noise)
     avr_irq_register_notify(avr_io_getirq(avr, AVR_IOCTL_UART_GETIRQ('0'), UART_IRQ_OUTPUT), byte_written, rig);
     avr->io[AVR_DATA_TO_IO(UDR0)].r.c = read_udr;
     avr->io[AVR_DATA_TO_IO(UDR0)].r.param = rig;
+    avr->io[AVR_DATA_TO_IO(EECR)].r.c = read_eecr;
+    avr->io[AVR_DATA_TO_IO(EECR)].r.param = rig;
+    avr->io[AVR_DATA_TO_IO(EECR)].w.c = write_eecr;
+    avr->io[AVR_DATA_TO_IO(EECR)].w.param = rig;
     watch_interrupts(rig);
 
     rig->battery_mv = 7400;
+    rig_baud(rig, LINE_BAUD);
+    memset(rig->eeprom, 0xFF, EEPROM_SIZE);
     rig_reset(rig, 1, noise); // power-on
     rig->stats.resets = 0;
     return rig;
+}
+
+void rig_bootloader(struct rig *rig, uint32_t address, const uint8_t *bytes, size_t count)
+{
+    avr_t *avr = rig->avr;
+    memcpy(avr->flash + address, bytes, count);
+    rig->bootloader = 1;
+    avr->reset_pc = address; // fuse BOOTRST
+    rig_reset(rig, 1, NULL);
+    rig->stats.resets = 0;
 }
 
 void rig_free(struct rig *rig)

@@ -11,8 +11,9 @@
 //   skipped ADIW      and SBIW with some constants are one word long, not two
 //   PWM               is read from timer 1's registers, its waveform on the pins being wrong
 //   RAM at power-on   is noise, not zero; it survives other resets
+//   EEPROM            a byte takes 3.4 ms to write, EEPE standing; if power goes meanwhile it may be anything
 // Left as it is: the transmitter takes its next byte only when the last one has left, where silicon has one place
-// more, so that a saturated line carries a tenth less; writing the EEPROM takes no time; every sleep mode is idle.
+// more, so that a saturated line carries a tenth less; the EEPROM interrupts nobody; every sleep mode is idle.
 #ifndef RIG_H
 #define RIG_H
 
@@ -38,27 +39,42 @@ struct rig_stats {
     uint32_t resets;                 // by the watchdog
 };
 
-// Power on. `noise`: 2048 bytes, what RAM holds. NULL if the ELF cannot be read or is for another processor.
+// Power on, EEPROM erased. `noise`: 2048 bytes, what RAM holds. NULL if the ELF cannot be read or is for another
+// processor. No ELF: flash empty.
 struct rig *rig_new(const char *elf, const uint8_t *noise);
 void rig_free(struct rig *rig);
 
 // Run until `cycle`. 0, or -1 if the processor has crashed (jumped nowhere, say).
 int rig_run_to(struct rig *rig, uint64_t cycle);
 
-// Queue bytes on the line to the processor, one after another at 250000 baud.
+// The line's speed from the next byte on; 250000 at first.
+void rig_baud(struct rig *rig, uint32_t baud);
+// Queue bytes on the line to the processor, one after another.
 void rig_write(struct rig *rig, const uint8_t *bytes, size_t count);
 // Take at most `size` bytes that have arrived from it; returns how many.
 size_t rig_read(struct rig *rig, uint8_t *bytes, size_t size);
 
-// Put levels, (B << 1) | A, on an encoder (0 left, 1 right) at a cycle that is now or to come.
-void rig_encoder(struct rig *rig, uint8_t side, uint8_t pins, uint64_t at_cycle);
+// Put levels, (B << 1) | A, on encoders (0 left, 1 right) at cycles that are now or to come.
+void rig_encoders(struct rig *rig, size_t count, const uint8_t *sides, const uint8_t *pins,
+                  const uint64_t *at_cycles);
 
 // What the motor driver makes of the processor's pins and timer 1: -1 to 1; 0 braking or off. NAN if the timer is
 // set up in a way that this does not know.
 double rig_duty(const struct rig *rig, uint8_t side);
+// The driver leaves this motor's ends open.
+int rig_coasting(const struct rig *rig, uint8_t side);
 
 void rig_battery_mv(struct rig *rig, uint32_t mv);
 void rig_estop(struct rig *rig, int pressed);
+
+// All 1024 bytes of the EEPROM.
+void rig_eeprom_set(struct rig *rig, const uint8_t *bytes);
+void rig_eeprom(struct rig *rig, uint8_t *bytes);
+
+// Put a bootloader into flash and begin there at this and every later reset. It may then program the rest.
+void rig_bootloader(struct rig *rig, uint32_t address, const uint8_t *bytes, size_t count);
+// All 32768 bytes of flash.
+void rig_flash(const struct rig *rig, uint8_t *bytes);
 
 // Reset with these bits in MCUSR. `noise`: new contents of RAM, or NULL to leave it.
 void rig_reset(struct rig *rig, uint8_t mcusr, const uint8_t *noise);

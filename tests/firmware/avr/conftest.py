@@ -58,7 +58,7 @@ def built(avr_tools: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def make_board(built: Path) -> Callable[..., AvrBoard]:
     """Makes boards; arguments as AvrBoard's."""
 
-    def make(seed: int = 0, elf: Path = built / "uno.elf") -> AvrBoard:
-        return AvrBoard(seed, elf=elf, library=built / "librig.so")
+    def make(seed: int = 0, eeprom: bytes = b"", elf: Path = built / "uno.elf") -> AvrBoard:
+        return AvrBoard(seed, eeprom, elf=elf, library=built / "librig.so")
 
     return make

@@ -150,6 +150,59 @@ def test_ram_is_noise_at_power_on_and_outlives_other_resets(run_program: RunProg
     assert board.read() not in (first, b"\x5a")
 
 
+EEPROM = """
+static void begin(unsigned at, unsigned char byte)
+{
+    EEAR = at; EEDR = byte; EECR = 1 << EEMPE; EECR |= 1 << EEPE;
+}
+static unsigned char fetch(unsigned at)
+{
+    EEAR = at; EECR |= 1 << EERE; return EEDR;
+}
+"""
+
+
+def test_an_eeprom_byte_takes_3_4_ms_to_write_and_reads_as_before_until_then(run_program: RunProgram) -> None:
+    board = run_program(
+        EEPROM + "int main(void) { line(7); say(fetch(3)); begin(3, 0x5A); say('b');"
+        " while (EECR & 1 << EEPE) {} say(fetch(3)); say(EECR); for (;;) {} }"
+    )
+    board.step(3300)
+    assert board.read() == b"\xffb"
+    assert board.eeprom == bytes([0xFF] * 1024)
+    board.step(300)
+    assert board.read() == b"\x5a\0"
+    assert board.eeprom == b"\xff\xff\xff\x5a" + bytes([0xFF] * 1020)
+
+
+def test_the_eeprom_is_deaf_while_it_writes_and_unless_armed_within_4_cycles(run_program: RunProgram) -> None:
+    board = run_program(
+        EEPROM + "int main(void) { line(7); begin(0, 1); begin(1, 2); EEDR = 9; EECR |= 1 << EERE; say(EEDR);"
+        " while (EECR & 1 << EEPE) {} EEAR = 2; EEDR = 3; EECR = 1 << EEMPE;"
+        ' __asm__ volatile("nop\\n nop\\n nop\\n nop\\n"); EECR |= 1 << EEPE;'
+        " say(EECR & 1 << EEPE); for (;;) {} }"
+    )
+    board.step(5000)
+    assert board.read() == b"\x09\0"
+    assert board.eeprom == b"\x01" + bytes([0xFF] * 1023)
+
+
+@pytest.mark.parametrize("cause", ResetCause)
+def test_the_eeprom_outlives_resets_but_not_the_byte_being_written_when_power_goes(
+    run_program: RunProgram, cause: ResetCause
+) -> None:
+    board = run_program(
+        EEPROM + "int main(void) { if (fetch(0) == 0xFF) {"
+        " begin(0, 1); while (EECR & 1 << EEPE) {} begin(1, 2); } for (;;) {} }"
+    )
+    board.step(3400 + 1000)
+    board.reset(cause)
+    board.step(5000)
+    torn = cause in (ResetCause.POWER_ON, ResetCause.BROWN_OUT)
+    assert (board.eeprom[1] in (2, 0xFF)) != torn
+    assert board.eeprom[:1] + board.eeprom[2:] == b"\x01" + bytes([0xFF] * 1022)
+
+
 def test_the_load_is_what_is_not_slept(run_program: RunProgram) -> None:
     asleep = run_program('int main(void) { SMCR = 1; sei(); for (;;) __asm__ volatile("sleep"); }')
     asleep.step(10_000)
@@ -191,5 +244,7 @@ def test_what_is_not_built_or_does_not_fit_is_told_with_its_remedy(built: Path, 
         AvrBoard(elf=built / "uno.elf", library=tmp_path / "none.so")
     with pytest.raises(UsageError, match="no 32-bit ELF"):
         AvrBoard(elf=built / "uno.hex")
-    with pytest.raises(UsageError, match="4000"):
-        AvrBoard(um_per_count=4000)
+    with pytest.raises(UsageError, match="no Intel hex"):
+        AvrBoard(bootloader=built / "uno.elf", library=built / "librig.so")
+    with pytest.raises(ValueError, match="1024"):
+        AvrBoard(eeprom=bytes(1025))

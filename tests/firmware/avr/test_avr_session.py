@@ -16,8 +16,8 @@ from host.sim.session import Simulation
 def test_a_simulated_drive_goes_as_far_with_the_real_firmware_as_with_the_other(
     make_board: Callable[..., AvrBoard], built: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def make(seed: int, **body: int) -> AvrBoard:
-        return AvrBoard(seed, **body, elf=built / "uno.elf", library=built / "librig.so")
+    def make(seed: int, eeprom: bytes = b"") -> AvrBoard:
+        return AvrBoard(seed, eeprom, elf=built / "uno.elf", library=built / "librig.so")
 
     monkeypatch.setattr(session, "AvrBoard", make)
 
