@@ -22,12 +22,20 @@ PHASES = ((False, False), (True, False), (True, True), (False, True))  # pins A,
 
 @dataclass(frozen=True)
 class BodyModel:
-    """A small robot with two gear motors, as it truly is. The disc is centred on the axle's middle."""
+    """A small robot with two gear motors, as it truly is. The disc is centred on the axle's middle.
+
+    `track_cm` and `cm_per_count` are what its maker believes; the ratios below them are hidden truth, such
+    as tyres worn unequally, and a calibration has to find them.
+    """
 
     track_cm: float = 15.0
     radius_cm: float = 12.0
     camera_ahead_cm: float = 12.0  # of the axle's middle
     cm_per_count: float = 0.5
+    left_wheel: float = 1.0  # true size of the left wheel, relative to what cm_per_count says
+    right_wheel: float = 1.0
+    true_track: float = 1.0  # true distance between the wheels, relative to track_cm
+    phase_error: float = 0.0  # counts by which an encoder's edges may lie off their even places, fixed ones
     full_speed_cm_s: float = 70.0  # at full duty and full battery
     dead_zone: float = 0.08  # duty below which a motor stands
     lag_s: float = 0.05  # time constant of a motor
@@ -40,14 +48,25 @@ class BodyModel:
 class Wheel:
     """One motor, its wheel, and the encoder on it."""
 
-    def __init__(self, board: Board, side: Side, model: BodyModel, gain: float, phase: float) -> None:
+    def __init__(
+        self,
+        board: Board,
+        side: Side,
+        model: BodyModel,
+        gain: float,
+        size: float,
+        phase: float,
+        shifts: tuple[float, ...] = (0.0,) * len(PHASES),
+    ) -> None:
         self.speed_cm_s = 0.0
         self._board, self._side = board, side
         self._model = model
-        self._gain = gain * model.full_speed_cm_s / (1.0 - model.dead_zone)
+        self._cm_per_count = size * model.cm_per_count
+        self._gain = gain * size * model.full_speed_cm_s / (1.0 - model.dead_zone)
         self._keep = math.exp(-STEP_S / model.lag_s)  # share of a speed difference left after a step
-        self._counts = phase  # travel in counts; an edge comes at every whole number
-        self._cell = math.floor(phase)
+        self._counts = phase  # travel in counts; an edge comes at every whole number and its shift
+        self._shifts = shifts  # of the edges, each under half a count, the same for every fourth
+        self._cell = self._cell_at(phase)
 
     @property
     def duty(self) -> float:
@@ -67,15 +86,25 @@ class Wheel:
         self._pass_edges(travel, before, aim, start_us)
         return travel
 
+    def _border(self, cell: int) -> float:
+        """Where, in counts, a cell begins."""
+        return cell + self._shifts[cell % len(PHASES)]
+
+    def _cell_at(self, counts: float) -> int:
+        cell = math.floor(counts)
+        if counts < self._border(cell):
+            return cell - 1
+        return cell + (counts >= self._border(cell + 1))
+
     def _pass_edges(self, travel: float, before: float, aim: float, start_us: int) -> None:
         start = self._counts
-        self._counts = start + travel / self._model.cm_per_count
-        cell = math.floor(self._counts)
+        self._counts = start + travel / self._cm_per_count
+        cell = self._cell_at(self._counts)
         while self._cell != cell:
             forward = cell > self._cell
-            border = self._cell + 1 if forward else self._cell
+            border = self._border(self._cell + 1 if forward else self._cell)
             self._cell += 1 if forward else -1
-            after_s = self._time_of((border - start) * self._model.cm_per_count, travel, before, aim)
+            after_s = self._time_of((border - start) * self._cm_per_count, travel, before, aim)
             a, b = PHASES[self._cell % 4]
             self._board.set_encoder_pins(self._side, a, b, start_us + round(after_s * 1e6))
 
@@ -111,8 +140,15 @@ class Body:
         rng = np.random.default_rng((0xB0D7, seed))
         self._world, self._board, self._model = world, board, model
         half = model.mismatch / 2
-        self._left = Wheel(board, Side.LEFT, model, 1.0 + half, float(rng.random()))
-        self._right = Wheel(board, Side.RIGHT, model, 1.0 - half, float(rng.random()))
+        phases = rng.random(2)
+        shifts = model.phase_error * rng.uniform(-1.0, 1.0, (2, len(PHASES)))
+        self._left = Wheel(
+            board, Side.LEFT, model, 1.0 + half, model.left_wheel, float(phases[0]), tuple(shifts[0])
+        )
+        self._right = Wheel(
+            board, Side.RIGHT, model, 1.0 - half, model.right_wheel, float(phases[1]), tuple(shifts[1])
+        )
+        self._track_cm = model.true_track * model.track_cm
         self._time_us = board.time_us  # up to which the motion is known
         self._x, self._z, self._heading = 0.0, -model.camera_ahead_cm, 0.0  # the camera starts at (0, 0)
         self._trace: deque[tuple[float, float, float]] = deque(maxlen=TRACE_STEPS)
@@ -135,6 +171,16 @@ class Body:
         """Forward speed."""
         return (self._left.speed_cm_s + self._right.speed_cm_s) / 2
 
+    @property
+    def wheel_speeds_cm_s(self) -> tuple[float, float]:
+        """Of the rims, left and right."""
+        return self._left.speed_cm_s, self._right.speed_cm_s
+
+    @property
+    def axle(self) -> tuple[float, float, float]:
+        """Where the axle's middle is, x and z in cm, and the heading, in rad to the right, not wrapped."""
+        return self._x, self._z, self._heading
+
     def step(self) -> None:
         """Move on by 1 ms."""
         left_duty, right_duty = self._left.duty, self._right.duty
@@ -144,7 +190,7 @@ class Body:
         left = self._left.roll(left_duty, voltage, self._time_us)
         right = self._right.roll(right_duty, voltage, self._time_us)
         if left or right:
-            self._move((left + right) / 2, (left - right) / self._model.track_cm)
+            self._move((left + right) / 2, (left - right) / self._track_cm)
         self._time_us += STEP_US
         self._trace.append((self._x, self._z, self._heading))
 

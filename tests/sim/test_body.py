@@ -219,3 +219,35 @@ def test_no_room_can_be_left_through_its_walls(seed: int) -> None:
     centre = pose.position_cm - EQUAL.camera_ahead_cm * pose.rotation[:, 2]
     assert body.collisions >= 1
     assert world.distance_cm(centre[[0, 2]])[0] >= EQUAL.radius_cm - 0.1
+
+
+def test_wheels_of_hidden_sizes_roll_further_than_the_counts_say() -> None:
+    body, board = body_in(hall(), replace(EQUAL, left_wheel=1.02, right_wheel=0.99, true_track=1.04))
+    board.drive(body, 0.5, 0.4, 2000)
+    left, right = (0.5 * board.counts(side) for side in Side)  # cm, as the robot believes
+    _, _, heading = body.axle
+    assert body.distance_cm == pytest.approx((1.02 * left + 0.99 * right) / 2, abs=0.5)
+    assert heading == pytest.approx((1.02 * left - 0.99 * right) / (1.04 * 15), abs=1 / 15)
+
+
+def test_a_larger_wheel_on_the_same_motor_is_as_much_faster() -> None:
+    body, board = body_in(hall(), replace(EQUAL, left_wheel=1.05))
+    board.drive(body, 0.54, 0.54, 1000)
+    assert body.wheel_speeds_cm_s == pytest.approx((1.05 * 35.0, 35.0))
+    assert abs(board.counts(Side.LEFT) - board.counts(Side.RIGHT)) <= 1  # the motors turn alike
+
+
+def test_edges_off_their_places_are_off_alike_at_every_fourth() -> None:
+    body, board = body_in(hall(), replace(EQUAL, phase_error=0.1))
+    board.drive(body, 0.54, 0.54, 3000)
+    steady = [t for t, _, _ in board.edges[Side.LEFT] if t > 1_000_000]
+    gaps = [(b - a) * 35e-6 / 0.5 for a, b in pairwise(steady)]  # in counts
+    assert max(gaps) - min(gaps) > 0.05 and all(0.8 <= gap <= 1.2 for gap in gaps)
+    assert all(a == pytest.approx(b, abs=1e-3) for a, b in zip(gaps, gaps[4:], strict=False))
+
+
+def test_edges_off_their_places_are_the_same_ones_there_and_back() -> None:
+    body, board = body_in(hall(), replace(EQUAL, phase_error=0.3, mismatch=0.0))
+    board.drive(body, 0.4, 0.4, 700)
+    board.drive(body, -0.4, -0.4, 1500)
+    assert abs(board.counts(Side.LEFT) - body.axle[1] / 0.5 - 24) < 1.6  # it began at z = -12 cm
