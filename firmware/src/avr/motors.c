@@ -72,3 +72,18 @@ void hal_motor_set(struct hal *hal, uint8_t side, int16_t duty)
             PORTD &= (uint8_t)~PIN_RIGHT_IN1;
     }
 }
+
+// Both direction pins low opens the motor's ends; the driver promises that only while the PWM is high. Should
+// a duty follow, the motor is shorted first, as always.
+void hal_motor_coast(struct hal *hal, uint8_t side)
+{
+    (void)hal;
+    if (side == DRIVE_LEFT) {
+        PORTD &= (uint8_t)~PIN_LEFT_IN1;
+        PORTB &= (uint8_t)~PIN_LEFT_IN2;
+        OCR1A = PWM_TOP;
+    } else {
+        PORTD &= (uint8_t)~(PIN_RIGHT_IN1 | PIN_RIGHT_IN2);
+        OCR1B = PWM_TOP;
+    }
+}

@@ -1,7 +1,7 @@
 // The motor driver, a TB6612FNG: two PWM outputs at 20 kHz, two direction pins each, one standby pin.
 //
-// hal_motor_set() is here. Both direction pins high shorts the motor whatever the PWM does, so that zero duty
-// takes hold at once and not at the end of a PWM period.
+// hal_motor_set() and hal_motor_coast() are here. Both direction pins high shorts the motor whatever the PWM
+// does, so that zero duty takes hold at once and not at the end of a PWM period.
 #ifndef AVR_MOTORS_H
 #define AVR_MOTORS_H
 
