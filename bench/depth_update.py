@@ -12,9 +12,10 @@ from host.camera.lens import Lens
 from host.depth.estimator import Estimator
 from host.pose import Pose
 from host.rbdn import Net, Snapshot
+from host.sim.drive_scenes import OBJECT_COLOURS
 from host.sim.render import Renderer, Webcam, WebcamModel
 from host.sim.things import Board, Material
-from host.sim.world import OBJECT_COLOURS, Room, World
+from host.sim.world import Room, World
 
 LENS = Lens(320, 240, 371.0, 371.0, 159.5, 119.5)
 COLUMNS, ROWS = 8, 5

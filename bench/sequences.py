@@ -15,8 +15,10 @@ from host.camera.lens import Lens
 from host.errors import InputError
 from host.pose import Pose
 from host.record.sequence import read_sequence
+from host.sim.drive_scenes import OBJECT_COLOURS, room
 from host.sim.render import Renderer, Webcam, WebcamModel
-from host.sim.world import OBJECT_COLOURS, Ball, Box, Cylinder, Material, Rgb, Room, Thing, World, room
+from host.sim.things import Ball, Box, Cylinder, Material, Rgb, Thing
+from host.sim.world import Room, World
 
 FRAME_S = 0.1
 

@@ -5,12 +5,15 @@ from __future__ import annotations
 from urllib.parse import parse_qsl
 
 from host.errors import UsageError
+from host.sim.drive_scenes import boxes, clutter, corridor, room
 from host.sim.experiment_scenes import experiment_1, experiment_2, experiment_3, slants
 from host.sim.tabletop_scenes import tabletop
-from host.sim.world import World, boxes, room
+from host.sim.world import World
 
 SCENES = {
     "room": room,
+    "corridor": corridor,
+    "clutter": clutter,
     "boxes": boxes,
     "tabletop": tabletop,
     "experiment_1": experiment_1,

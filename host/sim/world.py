@@ -1,16 +1,16 @@
-"""Rooms with things in them, to drive through."""
+"""A simulated world: a room with things in it, and what a disc that drives through it may touch."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import cv2
 import numpy as np
 
 from host.camera.lens import Lens
-from host.sim.things import Ball, Board, Box, Cylinder, Material, Rgb, Thing, pieces_of
+from host.sim.things import Board, Box, Material, Thing, pieces_of
 
 
 @dataclass(frozen=True)
@@ -111,104 +111,3 @@ class World:
             for px, pz in ((0.0, 0.0), self.goal_cm)
         ]
         return ends[0] == ends[1] != 0
-
-
-# --- Scenes ----------------------------------------------------------------------------------------
-
-PATH_WIDTH_CM = 40.0  # every room has a way this wide to its goal
-OBJECT_COLOURS: tuple[Rgb, ...] = (
-    (196, 40, 38), (38, 140, 62), (30, 84, 160), (222, 130, 24), (226, 190, 40), (120, 62, 140),
-    (24, 140, 150), (150, 84, 48), (60, 60, 66), (208, 96, 130), (110, 160, 60), (70, 50, 120),
-)  # fmt: skip
-WALL_COLOURS: tuple[Rgb, ...] = (
-    (222, 214, 196), (206, 216, 222), (224, 206, 200), (204, 216, 200), (228, 226, 220), (214, 204, 222),
-)  # fmt: skip
-FLOORS = (
-    ("wood", (196, 160, 118), 0.16, 12.0),
-    ("wood", (150, 110, 78), 0.18, 9.0),
-    ("tiles", (176, 186, 190), 0.05, 30.0),
-    ("tiles", (190, 178, 160), 0.05, 40.0),
-)
-
-
-def boxes(seed: int = 0) -> World:
-    """The paper's first experiment: a red and a green box, front faces at 85 cm, corners of its Table 1."""
-    wall = Material((232, 226, 210), contrast=0.03, scale_cm=6.0, seed=1)
-    room = Room(
-        -150.0, 150.0, -120.0, 200.0, 178.7,
-        floor=Material((210, 176, 134), "wood", 0.12, 14.0, seed=2),
-        left_wall=wall, right_wall=wall, back_wall=wall, front_wall=wall,
-        ceiling=Material((236, 236, 232), contrast=0.0),
-        lamp_cm=(60.0, 160.0, -40.0),
-    )  # fmt: skip
-    things = (
-        Box("red_box", -15.75, 91.0, 20.5, 12.0, 24.95, 0.0, Material((196, 38, 36), contrast=0.02, seed=3)),
-        Box("green_box", 16.0, 90.5, 15.0, 11.0, 23.9, 0.0, Material((40, 146, 62), contrast=0.02, seed=4)),
-    )
-    lens = Lens(320, 240, 371.0, 371.0, 159.5, 119.5)
-    return World("boxes", room, things, 8.7, lens, (0.0, 30.0), seed)
-
-
-def room(seed: int = 0, objects: int = 8) -> World:
-    """A furnished room of about 3 by 5 m, with one thing near the straight way to the goal."""
-    rng = np.random.default_rng((0x600D, seed))
-    width, length = rng.uniform(270, 340), rng.uniform(440, 560)
-    left = -width * rng.uniform(0.38, 0.62)
-    back = -rng.uniform(60, 90)
-    pattern, rgb, contrast, scale = FLOORS[rng.integers(len(FLOORS))]
-    left_wall, right_wall, back_wall, front_wall = (
-        Material(WALL_COLOURS[k], contrast=0.03, scale_cm=7.0, seed=int(rng.integers(1 << 31)))
-        for k in rng.permutation(len(WALL_COLOURS))[:4]
-    )
-    lamp = (left + width * rng.uniform(0.3, 0.7), 230.0, back + length * rng.uniform(0.25, 0.6))
-    shell = Room(
-        left, left + width, back, back + length, 250.0,
-        floor=Material(rgb, pattern, contrast, scale, int(rng.integers(1 << 31))),
-        left_wall=left_wall, right_wall=right_wall, back_wall=back_wall, front_wall=front_wall,
-        ceiling=Material((236, 236, 232), contrast=0.0),
-        lamp_cm=lamp,
-    )  # fmt: skip
-    goal = _goal(rng, shell)
-    world = World("room", shell, (), 15.0, Lens(320, 240, 280.0, 280.0, 159.5, 119.5), goal, seed)
-    colours = [OBJECT_COLOURS[k] for k in rng.permutation(len(OBJECT_COLOURS))]
-    for n in range(objects):
-        colour = colours[n % len(colours)]
-        for _ in range(200):
-            if n == 0:  # near the straight way
-                part, aside = rng.uniform(0.4, 0.7), rng.uniform(-20, 20)
-                x, z = part * goal[0] + aside, part * goal[1]
-            else:
-                x = rng.uniform(shell.left_cm + 8, shell.right_cm - 8)
-                z = rng.uniform(50, shell.front_cm - 8)
-            thing = _thing(rng, f"{n}", x, z, colour)
-            if _fits(world, thing):
-                more = replace(world, things=(*world.things, thing))
-                if more.has_path(PATH_WIDTH_CM):
-                    world = more
-                    break
-    return world
-
-
-def _goal(rng: np.random.Generator, shell: Room) -> tuple[float, float]:
-    z = rng.uniform(200, 290)
-    x = z * math.tan(rng.uniform(-0.26, 0.26))
-    return float(np.clip(x, shell.left_cm + 50, shell.right_cm - 50)), float(z)
-
-
-def _thing(rng: np.random.Generator, number: str, x: float, z: float, rgb: Rgb) -> Thing:
-    material = Material(rgb, contrast=0.05, scale_cm=4.0, seed=int(rng.integers(1 << 31)))
-    kind = rng.choice(["box", "box", "cylinder", "ball"])
-    if kind == "box":
-        w, d, h = rng.uniform(10, 36), rng.uniform(10, 30), rng.uniform(12, 55)
-        return Box(f"box_{number}", x, z, w, d, h, rng.uniform(-math.pi / 4, math.pi / 4), material)
-    if kind == "cylinder":
-        return Cylinder(f"cylinder_{number}", x, z, rng.uniform(5, 14), rng.uniform(15, 50), material)
-    return Ball(f"ball_{number}", x, z, rng.uniform(7, 15), material)
-
-
-def _fits(world: World, thing: Thing) -> bool:
-    """Does it stand clear of everything, of the start and of the goal?"""
-    x, z, reach = thing.x_cm, thing.z_cm, thing.reach_cm
-    start = math.hypot(x, z) - reach
-    goal = math.hypot(x - world.goal_cm[0], z - world.goal_cm[1]) - reach
-    return start > 50 and goal > 35 and float(world.distance_cm(np.array([x, z]))[0]) > reach + 3

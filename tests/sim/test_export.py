@@ -10,9 +10,9 @@ import pytest
 
 from host.errors import UsageError
 from host.record.sequence import read_sequence
+from host.sim.drive_scenes import boxes, room
 from host.sim.export import Mover, Way, export, main
 from host.sim.render import IDEAL, WebcamModel
-from host.sim.world import boxes, room
 
 
 def test_an_exported_sequence_is_read_back_with_its_poses_and_lens(tmp_path):

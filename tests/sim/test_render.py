@@ -14,10 +14,11 @@ from hypothesis import strategies as st
 from host.camera.lens import Lens
 from host.pose import Pose
 from host.sim import _render
+from host.sim.drive_scenes import boxes, room
 from host.sim.render import IDEAL, SCREEN, Renderer, Webcam, WebcamModel, linear_of
 from host.sim.scenes import world_from_uri
 from host.sim.things import Ball, Board, Box, Cone, Cylinder, Ellipsoid, Group, Material
-from host.sim.world import World, boxes, room
+from host.sim.world import World
 
 SIZE = 64
 FOCAL = 100.0

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from host.errors import UsageError
+from host.sim.drive_scenes import PATH_WIDTH_CM, boxes, clutter, corridor, room
 from host.sim.scenes import world_from_uri
 from host.sim.things import Ball, Board, Box, Cone, Cylinder, Ellipsoid, Group, Material
-from host.sim.world import Room, World, boxes, room
+from host.sim.world import Room, World
 
 SEEDS = range(60)
 
@@ -143,3 +144,33 @@ def test_a_uri_that_names_nothing_is_refused_in_one_line_with_what_is_known(uri,
     message = str(refusal.value)
     assert "\n" not in message
     assert all(word in message for word in words)
+
+
+# --- Corridors and clutter -------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_every_corridor_can_be_driven_through_and_has_doors(seed):
+    world = corridor(seed)
+    assert world.has_path(PATH_WIDTH_CM)
+    doors = [thing for thing in world.things if thing.name.startswith("door")]
+    assert len(doors) >= 3
+    assert all(isinstance(door, Board) for door in doors)
+    assert len(world.things) > len(doors)
+    gap = world.distance_cm(np.array([(0.0, 0.0), world.goal_cm]))
+    assert gap.min() > 25  # start and goal have room for the robot
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_things_in_clutter_do_not_overlap_and_leave_start_and_goal_free(seed):
+    world = clutter(seed)
+    for n, thing in enumerate(world.things):
+        earlier = replace(world, things=world.things[:n])
+        assert earlier.distance_cm(np.array([(thing.x_cm, thing.z_cm)]))[0] > thing.reach_cm
+    assert world.distance_cm(np.array([(0.0, 0.0), world.goal_cm])).min() > 25
+
+
+def test_clutter_is_dense_and_mostly_leaves_a_way():
+    worlds = [clutter(seed) for seed in SEEDS]
+    assert np.median([len(world.things) for world in worlds]) >= 12
+    assert np.mean([world.has_path(PATH_WIDTH_CM) for world in worlds]) > 0.8
