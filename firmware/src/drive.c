@@ -34,7 +34,7 @@ void drive_init(struct drive *drive, const struct drive_limits *limits)
 void drive_command(struct drive *drive, int16_t v_mm_s, int16_t omega_mrad_s)
 {
     int32_t forward = (int32_t)v_mm_s * 16;
-    int32_t turn = (int32_t)omega_mrad_s * drive->limits.track_mm / 125; // * 16 / (2 * 1000)
+    int32_t turn = drive->limits.track_um / 25 * omega_mrad_s / 5000; // * 16 / (2 * 1000000)
     int32_t wheels[DRIVE_SIDES] = {forward + turn, forward - turn};
     limit_pair(wheels, drive->limits.speed_q4);
     drive->target_q4[DRIVE_LEFT] = (int16_t)wheels[DRIVE_LEFT];

@@ -11,9 +11,9 @@
 enum { DRIVE_LEFT, DRIVE_RIGHT, DRIVE_SIDES };
 
 struct drive_limits {
-    uint16_t track_mm; // distance between the wheels' contact points
-    int16_t speed_q4;  // fastest a wheel may be asked to go, sixteenths of mm/s
-    int16_t step_q4;   // most a wheel's setpoint may change in one tick, at least 1
+    int32_t track_um; // distance between the wheels' contact points, 125 to 1000000
+    int16_t speed_q4; // fastest a wheel may be asked to go, sixteenths of mm/s
+    int16_t step_q4;  // most a wheel's setpoint may change in one tick, at least 1
 };
 
 struct drive {

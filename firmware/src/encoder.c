@@ -14,6 +14,7 @@ void encoder_init(struct encoder *encoder, const struct encoder_edges *edges, ui
         .edge_age_us = ENCODER_NO_EDGE_US,
         .seen = *edges,
         .scale = (uint32_t)um_per_count * 16000u,
+        .um_per_count = um_per_count,
     };
     uint32_t span = UINT32_MAX / encoder->scale;
     encoder->span_max = span > UINT16_MAX ? UINT16_MAX : (uint16_t)span;
@@ -106,4 +107,17 @@ void encoder_update(struct encoder *encoder, const struct encoder_edges *edges, 
     if (speed > bound)
         speed = bound;
     encoder->speed_q4 = encoder->direction < 0 ? (int16_t)-speed : speed;
+}
+
+int32_t encoder_travel_um(const struct encoder *encoder)
+{
+    int32_t border = encoder->count * encoder->um_per_count;
+    int32_t part = encoder->um_per_count / 2;
+    if (encoder->direction != 0) {
+        uint32_t age = encoder->edge_age_us < ENCODER_STILL_US ? encoder->edge_age_us : ENCODER_STILL_US;
+        int16_t speed = encoder->speed_q4 < 0 ? (int16_t)-encoder->speed_q4 : encoder->speed_q4;
+        uint32_t since = (age >> 4) * (uint16_t)speed / 1000u;
+        part = since < encoder->um_per_count ? (int32_t)since : encoder->um_per_count;
+    }
+    return encoder->direction < 0 ? border + encoder->um_per_count - part : border + part;
 }

@@ -50,6 +50,7 @@ struct encoder {
     uint32_t last_edge_us;
     uint32_t scale;    // speed_q4 = scale * counts / microseconds
     uint16_t span_max; // most counts that may be multiplied by scale in 32 bits
+    uint16_t um_per_count;
 };
 
 // Phase of a pair of pins: Gray code to binary, so that neighbours differ by one.
@@ -89,5 +90,11 @@ void encoder_init(struct encoder *encoder, const struct encoder_edges *edges, ui
 // counts, since uneven phases may stretch one count that far, over the time since the last edge. After
 // ENCODER_STILL_US without one it is zero.
 void encoder_update(struct encoder *encoder, const struct encoder_edges *edges, uint32_t now_us);
+
+// Travel of the rim since the start in micrometres, with the part of a count since the last edge. After a
+// forward edge the wheel stands at the border `count`, after a backward one at `count` + 1; from there it has
+// gone on at `speed_q4`, but not past the next border, whose edge has not come. Before the first edge it is
+// taken to stand in the middle of its count.
+int32_t encoder_travel_um(const struct encoder *encoder);
 
 #endif

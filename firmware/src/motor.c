@@ -22,8 +22,9 @@ void motor_release(struct motor *motor)
     motor->duty = 0;
 }
 
-int16_t motor_update(struct motor *motor, int16_t setpoint_q4, int16_t speed_q4)
+int16_t motor_update(struct motor *motor, int16_t setpoint_q4, int16_t speed_q4, uint16_t battery_mv)
 {
+    (void)battery_mv;
     const struct motor_gains *gains = &motor->gains;
     bool turned = (setpoint_q4 > 0 && motor->setpoint_q4 < 0) || (setpoint_q4 < 0 && motor->setpoint_q4 > 0);
     if (setpoint_q4 == 0 || turned)

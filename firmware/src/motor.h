@@ -16,10 +16,12 @@ enum { MOTOR_DUTY_FULL = 32767 };
 struct motor_gains {
     int16_t static_duty;      // duty that just overcomes friction
     int16_t velocity_q8;      // duty per q4 speed, times 256
+    int16_t acceleration_q8;  // duty per q4 change of the setpoint in one tick, times 256
     int16_t proportional_q8;  // duty per q4 speed error, times 256
     int16_t integral_q12;     // duty per q4 speed error and tick, times 4096
     int16_t integral_limit;   // duty the integral alone may reach
     int16_t duty_limit;       // duty never exceeded either way, 0 to MOTOR_DUTY_FULL
+    uint16_t battery_full_mv; // at which the duties above hold; 0: whatever the battery, they hold
 };
 
 struct motor {
@@ -38,6 +40,8 @@ void motor_release(struct motor *motor);
 // One tick. Returns the duty, within duty_limit.
 //
 // Anti-windup: while the duty is at its limit the integral may shrink the excess but not add to it.
-int16_t motor_update(struct motor *motor, int16_t setpoint_q4, int16_t speed_q4);
+//
+// battery_mv: as measured, 0 if it cannot be.
+int16_t motor_update(struct motor *motor, int16_t setpoint_q4, int16_t speed_q4, uint16_t battery_mv);
 
 #endif

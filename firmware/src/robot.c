@@ -26,7 +26,7 @@ _Static_assert(LINK_STATUS_PERIOD_US % ROBOT_TICK_US == 0, "link status leaves o
 
 const struct robot_params robot_params_default = {
     .um_per_count = 5000,
-    .track_mm = 150,
+    .track_um = 150000,
     .battery_min_mv = 6400,
     .wheel_speed_q4 = 600 * 16,
     .wheel_step_q4 = 80, // 1 m/s^2
@@ -81,6 +81,11 @@ static int16_t permille(int16_t duty)
     return (int16_t)((int32_t)duty * 1000 / MOTOR_DUTY_FULL);
 }
 
+static int16_t rounded_mm_s(int16_t speed_q4)
+{
+    return (int16_t)((speed_q4 + (speed_q4 < 0 ? -8 : 8)) / 16);
+}
+
 static void send_telemetry(struct robot *robot, uint32_t now_us)
 {
     const struct encoder *left = &robot->encoders[DRIVE_LEFT], *right = &robot->encoders[DRIVE_RIGHT];
@@ -92,8 +97,8 @@ static void send_telemetry(struct robot *robot, uint32_t now_us)
         .count_right = right->count,
         .edge_age_left_us = left->edge_age_us,
         .edge_age_right_us = right->edge_age_us,
-        .speed_left_mm_s = left->speed_q4 / 16,
-        .speed_right_mm_s = right->speed_q4 / 16,
+        .speed_left_mm_s = rounded_mm_s(left->speed_q4),
+        .speed_right_mm_s = rounded_mm_s(right->speed_q4),
         .duty_left_permille = permille(robot->motors[DRIVE_LEFT].duty),
         .duty_right_permille = permille(robot->motors[DRIVE_RIGHT].duty),
         .battery_mv = robot->battery_mv,
@@ -133,7 +138,7 @@ static void motors_follow(struct robot *robot)
     drive_update(&robot->drive);
     for (uint8_t side = 0; side < DRIVE_SIDES; side++) {
         int16_t duty = motor_update(&robot->motors[side], robot->drive.setpoint_q4[side],
-                                    robot->encoders[side].speed_q4);
+                                    robot->encoders[side].speed_q4, robot->battery_mv);
         hal_motor_set(robot->hal, side, duty);
     }
 }
@@ -215,7 +220,7 @@ void robot_init(struct robot *robot, struct hal *hal, const struct robot_params 
         .link_status_in = LINK_STATUS_TICKS,
     };
     struct drive_limits limits = {
-        .track_mm = params->track_mm,
+        .track_um = params->track_um,
         .speed_q4 = params->wheel_speed_q4,
         .step_q4 = params->wheel_step_q4,
     };

@@ -20,7 +20,7 @@
 // What differs between robots.
 struct robot_params {
     uint16_t um_per_count;   // travel of a wheel's rim in one encoder count
-    uint16_t track_mm;       // between the wheels
+    int32_t track_um;        // between the wheels
     uint16_t battery_min_mv; // 0: not watched
     int16_t wheel_speed_q4;  // fastest a wheel may be asked to go, sixteenths of mm/s
     int16_t wheel_step_q4;   // most a wheel's setpoint may change in one tick

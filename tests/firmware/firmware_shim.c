@@ -56,8 +56,10 @@ uint32_t shim_encoder_edge_age_us(struct shim_encoder *shim)
 struct motor *shim_motor_new(int16_t static_duty, int16_t velocity_q8, int16_t proportional_q8,
                              int16_t integral_q12, int16_t integral_limit, int16_t duty_limit)
 {
-    struct motor_gains gains = {static_duty,  velocity_q8,    proportional_q8,
-                                integral_q12, integral_limit, duty_limit};
+    struct motor_gains gains = {
+        .static_duty = static_duty,   .velocity_q8 = velocity_q8,       .proportional_q8 = proportional_q8,
+        .integral_q12 = integral_q12, .integral_limit = integral_limit, .duty_limit = duty_limit,
+    };
     struct motor *motor = calloc(1, sizeof *motor);
     motor_init(motor, &gains);
     return motor;
@@ -70,9 +72,9 @@ int32_t shim_motor_integral_q12(struct motor *motor)
 
 // --- Drive -----------------------------------------------------------------------------------------
 
-struct drive *shim_drive_new(uint16_t track_mm, int16_t speed_q4, int16_t step_q4)
+struct drive *shim_drive_new(int32_t track_um, int16_t speed_q4, int16_t step_q4)
 {
-    struct drive_limits limits = {track_mm, speed_q4, step_q4};
+    struct drive_limits limits = {track_um, speed_q4, step_q4};
     struct drive *drive = calloc(1, sizeof *drive);
     drive_init(drive, &limits);
     return drive;

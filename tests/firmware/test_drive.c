@@ -9,7 +9,7 @@
 
 #include "drive.h" // what is specified here
 
-static const struct drive_limits limits = {.track_mm = 150, .speed_q4 = 8000, .step_q4 = 80};
+static const struct drive_limits limits = {.track_um = 150000, .speed_q4 = 8000, .step_q4 = 80};
 
 static struct drive drive;
 
@@ -68,7 +68,7 @@ static void no_command_overflows(void **state)
 {
     (void)state;
     const int16_t extremes[] = {INT16_MIN, -1, 0, 1, INT16_MAX};
-    struct drive_limits wide = {.track_mm = UINT16_MAX, .speed_q4 = INT16_MAX, .step_q4 = INT16_MAX};
+    struct drive_limits wide = {.track_um = 1000000, .speed_q4 = INT16_MAX, .step_q4 = INT16_MAX};
     drive_init(&drive, &wide);
     for (int v = 0; v < 5; v++) {
         for (int omega = 0; omega < 5; omega++) {
@@ -79,7 +79,7 @@ static void no_command_overflows(void **state)
             assert_int_equal(drive.setpoint_q4[DRIVE_RIGHT], drive.target_q4[DRIVE_RIGHT]);
         }
     }
-    drive_command(&drive, INT16_MAX, INT16_MAX);
+    drive_command(&drive, INT16_MAX / 3, INT16_MAX);
     assert_int_equal(drive.target_q4[DRIVE_LEFT], INT16_MAX);
     assert_true(drive.target_q4[DRIVE_RIGHT] < 0); // on this track the turn outweighs the speed
 }

@@ -20,7 +20,7 @@ def test_duty_stays_within_its_limit_and_is_zero_for_a_setpoint_of_zero(
 ) -> None:
     motor = firmware.new("motor", *gains)
     for setpoint_q4, speed_q4 in ticks:
-        duty = firmware.c.motor_update(motor, setpoint_q4, speed_q4)
+        duty = firmware.c.motor_update(motor, setpoint_q4, speed_q4, 0)
         assert abs(duty) <= gains[-1]
         assert duty == 0 or setpoint_q4 != 0
         assert abs(firmware.c.shim_motor_integral_q12(motor)) <= gains[4] * 4096
@@ -39,15 +39,15 @@ def test_how_long_a_wheel_was_stuck_at_the_limit_makes_no_difference_afterwards(
     limit = gains[-1] if setpoint_q4 > 0 else -gains[-1]
     short, long = firmware.new("motor", *gains), firmware.new("motor", *gains)
     for _ in range(400):
-        duty = firmware.c.motor_update(short, setpoint_q4, 0)
-        firmware.c.motor_update(long, setpoint_q4, 0)
+        duty = firmware.c.motor_update(short, setpoint_q4, 0, 0)
+        firmware.c.motor_update(long, setpoint_q4, 0, 0)
         if duty == limit:
             break
     assume(duty == limit)
     for _ in range(longer):
-        assert firmware.c.motor_update(long, setpoint_q4, 0) == limit
+        assert firmware.c.motor_update(long, setpoint_q4, 0, 0) == limit
     for speed_q4 in after:
-        duties = [firmware.c.motor_update(motor, setpoint_q4, speed_q4) for motor in (short, long)]
+        duties = [firmware.c.motor_update(motor, setpoint_q4, speed_q4, 0) for motor in (short, long)]
         assert abs(duties[0] - duties[1]) <= 1  # what the integral may still grow without showing
 
 
@@ -56,7 +56,7 @@ def test_how_long_a_wheel_was_stuck_at_the_limit_makes_no_difference_afterwards(
 def test_a_command_is_followed_exactly_or_slower_on_the_same_curve(
     firmware: FirmwareInC, v_mm_s: int, omega_mrad_s: int, track_mm: int, limit_q4: int
 ) -> None:
-    drive = firmware.new("drive", track_mm, limit_q4, 80)
+    drive = firmware.new("drive", track_mm * 1000, limit_q4, 80)
     firmware.c.drive_command(drive, v_mm_s, omega_mrad_s)
     got = [firmware.c.shim_drive_target_q4(drive, side) for side in (LEFT, RIGHT)]
     turn_mm_s = omega_mrad_s * track_mm / 2000
@@ -75,7 +75,7 @@ def test_a_command_is_followed_exactly_or_slower_on_the_same_curve(
 def test_no_setpoint_changes_faster_than_the_ramp_and_every_target_is_reached(
     firmware: FirmwareInC, step_q4: int, commands: list[tuple[int, int, int]]
 ) -> None:
-    drive = firmware.new("drive", 150, 8000, step_q4)
+    drive = firmware.new("drive", 150_000, 8000, step_q4)
 
     def tick() -> int:
         before = [firmware.c.shim_drive_setpoint_q4(drive, side) for side in (LEFT, RIGHT)]

@@ -13,7 +13,7 @@ NB_MODULE(_board, module)
             [](Board *board, uint64_t seed, uint16_t um_per_count, uint16_t track_mm) {
                 robot_params params = robot_params_default;
                 params.um_per_count = um_per_count;
-                params.track_mm = track_mm;
+                params.track_um = track_mm * 1000;
                 new (board) Board(seed, params);
             },
             nb::arg("seed"), nb::arg("um_per_count"), nb::arg("track_mm"))
