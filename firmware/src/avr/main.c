@@ -18,7 +18,7 @@
 struct robot robot; // the encoder interrupt writes its `edges`
 
 // The stack grows down towards the end of the variables; what stands there must stay.
-extern uint8_t _end;
+extern uint8_t _end; // NOLINT(bugprone-reserved-identifier,cert-*): the linker's name
 #define STACK_GUARD 0xA5u
 
 uint8_t hal_interrupts_off(struct hal *hal)

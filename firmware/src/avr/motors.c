@@ -9,8 +9,8 @@
 #include "pins.h"     // where the driver is wired
 
 // Counting up and down (mode 8), so that 0 and PWM_TOP are truly off and on, without a spike.
-#define PWM_HZ 20000u
-#define PWM_TOP ((uint16_t)(F_CPU / (2u * PWM_HZ)))
+#define PWM_HZ 20000ul
+#define PWM_TOP ((uint16_t)(F_CPU / (2 * PWM_HZ)))
 
 #define TIMER1_MODE_A (1u << COM1A1 | 1u << COM1B1)
 #define TIMER1_MODE_B (1u << WGM13 | 1u << CS10)

@@ -22,14 +22,19 @@ static inline __attribute__((always_inline)) uint32_t fingerprint_memory(void)
     return hash;
 }
 
-// Run into, not called, before variables have their values: hence naked, without variables on the stack.
-__attribute__((naked, used, section(".init3"))) void reset_early(void)
+__attribute__((noinline)) static void reset_early(void)
 {
     motors_safe();
     reset_flags = MCUSR;
     MCUSR = 0; // else the watchdog cannot be turned off
     wdt_disable();
     boot_nonce = fingerprint_memory();
+}
+
+// Run into, not called, once there is a stack and before variables have their values.
+__attribute__((naked, used, section(".init3"))) void reset_first(void)
+{
+    __asm__ volatile("call %x0" : : "i"(reset_early));
 }
 
 uint8_t hal_reset_cause(struct hal *hal)
