@@ -120,19 +120,42 @@ def read_command_line(kind: type[Options], arguments: list[str] | None = None) -
         ("config", typing.Annotated[Path | None, tyro.conf.arg(metavar="PATH", help=file_help)], None),
         *((name, section, field(default=getattr(settings, name))) for name, section in SECTIONS.items()),
     ]
+    parsed = _parse(kind, parts, arguments, _program())
+    config = Config(**{name: getattr(parsed, name) for name in SECTIONS})
+    _check_finite(config)
+    return _options_of(kind, parsed), config
+
+
+def read_options(kind: type[Options], arguments: list[str] | None = None, subcommand: str = "") -> Options:
+    """Parse the options of a command that needs no settings; else as `read_command_line`.
+
+    Parameters
+    ----------
+    subcommand
+        Its name, for the usage line.
+    """
+    arguments = sys.argv[1:] if arguments is None else arguments
+    program = f"{_program()} {subcommand}".strip()
+    return _options_of(kind, _parse(kind, list(_option_fields(kind)), arguments, program))
+
+
+def _parse(kind: type, parts: list[Any], arguments: list[str], program: str) -> Any:
+    """What tyro makes of the arguments; UsageError in one line instead of its many."""
+    import tyro
+
     command = dataclasses.make_dataclass(kind.__name__, parts, frozen=True)
     said = io.StringIO()
     try:
         with contextlib.redirect_stderr(said):
-            parsed = tyro.cli(command, args=arguments, description=inspect.getdoc(kind), prog=_program())
+            return tyro.cli(command, args=arguments, description=inspect.getdoc(kind), prog=program)
     except SystemExit as stop:
         if not stop.code:
             raise
         raise UsageError(_one_line(said.getvalue())) from None
-    config = Config(**{name: getattr(parsed, name) for name in SECTIONS})
-    _check_finite(config)
-    options = kind(**{f.name: getattr(parsed, f.name) for f in dataclasses.fields(kind)})  # type: ignore[arg-type]
-    return options, config
+
+
+def _options_of(kind: type[Options], parsed: Any) -> Options:
+    return kind(**{f.name: getattr(parsed, f.name) for f in dataclasses.fields(kind)})  # type: ignore[arg-type]
 
 
 def _program() -> str:
