@@ -1,7 +1,7 @@
-"""A simulated robot without a camera: board, wheels, battery and line, in virtual time, on an endless floor.
+"""A simulated robot without a camera: board, wheels, battery and line in virtual time, on an endless floor.
 
-Its URI is ``sim:`` for the firmware compiled for this machine, or ``avr:`` for the real program in a simulated
-ATmega328P; what is to be hidden from the robot follows a question mark: ``sim:?seed=3&wheels=2&track=-4``.
+Its URI is ``sim:`` for the firmware compiled for this machine, or ``avr:`` for the real program in a
+simulated ATmega328P; what is hidden from the robot follows a question mark: ``sim:?seed=3&wheels=2``.
 """
 
 from __future__ import annotations

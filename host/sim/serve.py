@@ -134,7 +134,7 @@ class Pacer:
 
 
 def serve(robot: RollingRobot, port: Port, seconds: float | None, say: Callable[[str], None]) -> None:
-    """Let the robot live on the port, forever or for some seconds of real time; `say` is told when it lags."""
+    """Let the robot live on the port, for some seconds of real time or for ever; `say` hears when it lags."""
     line, board = robot.line(), robot.board
     begin_us = board.time_us
     pacer = Pacer()
@@ -151,9 +151,7 @@ def serve(robot: RollingRobot, port: Port, seconds: float | None, say: Callable[
         now_s = time.monotonic()
         if pacer.lost_s > told_s and now_s - said_s > REPORT_S:
             share = 100 * (pacer.lost_s - told_s) / (now_s - said_s)
-            say(
-                f"this machine is too slow: the robot's time ran {share:.0f} % slow since {said_s - start_s:.0f} s"
-            )
+            say(f"this machine is too slow: for {now_s - said_s:.0f} s the robot's time ran {share:.0f} % slow")
             told_s, said_s = pacer.lost_s, now_s
     if pacer.lost_s:
         say(f"{pacer.lost_s:.2f} s of real time were lost, at most {pacer.worst_s:.2f} s at once")

@@ -18,7 +18,8 @@ def test_a_plain_uri_is_the_ordinary_body() -> None:
 
 
 def test_every_option_reaches_the_body() -> None:
-    uri = "avr:?seed=7&motors=-15&wheels=3&size=1&track=4&edges=10&speed=60&lag_ms=90&dead_zone=12&battery_mv=6800"
+    body = "motors=-15&wheels=3&size=1&track=4&edges=10"
+    uri = f"avr:?seed=7&{body}&speed=60&lag_ms=90&dead_zone=12&battery_mv=6800"
     avr, seed, model = parse_uri(uri)
     assert (avr, seed) == (True, 7)
     assert model.left_wheel / model.right_wheel == pytest.approx(1.015 / 0.985)
