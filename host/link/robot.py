@@ -1,13 +1,17 @@
-"""The robot as the host sees it: connect, drive, stop, and what it reports."""
+"""The robot as the host sees it: connect, drive, move, stop, set up, hear what it reports, connect again."""
 
 from __future__ import annotations
 
 import math
+from collections import deque
+from collections.abc import Callable
 from types import TracebackType
-from typing import Self
+from typing import NamedTuple, Self
 
 from host.errors import DeviceError
 from host.link.clock import Clock, RobotClock
+from host.link.explain import RESETS
+from host.link.parameters import PARAMETERS, Param
 from host.link.protocol import (
     BAUD,
     DEAD_MAN_US,
@@ -20,35 +24,74 @@ from host.link.protocol import (
     EStop,
     Hello,
     HelloRequest,
+    KeepAlive,
     LinkStatus,
     Message,
+    Move,
     Nack,
+    ParamRead,
+    ParamSave,
+    ParamValue,
+    ParamWrite,
     Ping,
     Pong,
+    Refusal,
+    Request,
     State,
     Stop,
+    StopHow,
     Telemetry,
+    Turn,
     encode,
 )
+from host.link.requests import REPEAT_S, Errand, Result
 from host.link.transport import Transport
 
 CONNECT_S = 3.0  # opening the port may reset the board, whose bootloader then waits up to 2 s
+RECONNECT_S = 8.0  # time to put a plug back
+ANSWER_S = 1.0  # to a HELLO on a line that stayed open, and to PARAM_READ
+REOPEN_PERIOD_S = 0.2
 ASK_AGAIN_S = 0.1
 STEP_S = 0.0002  # between two looks at the line while connecting; half of it may be in the clock mapping
+WAIT_STEP_S = 0.005
 SILENCE_S = 0.25  # 25 telemetry messages missing in a row
+PAUSE_S = 0.5  # between two looks at the robot, worth a line in the events
+PAUSE_MAX_S = 1000.0  # after half an hour nobody could tell how often the robot's clock has wrapped
 PING_PERIOD_S = 0.1
 FIRST_PINGS = 16  # before the clock mapping is used
 PING_TIMEOUT_S = 0.05
 BYTE_S = 10 / BAUD  # on the line, start and stop bit included
 _PONG_S = BYTE_S * len(encode(Pong(0, 0), 0))
 ESTOP_COPIES = 3
+UNREAD_MAX = 6000  # telemetry of a minute
+EVENTS_MAX = 1000
+
+
+class Event(NamedTuple):
+    """Something worth a line in a log."""
+
+    t_s: float  # host time
+    text: str
+
+
+class Reconnection(NamedTuple):
+    """How a session came back."""
+
+    why: str  # it had gone
+    away_s: float  # since it was noticed
+    restarted: bool  # counts and parameters began anew, and so did the robot's clock
+
+    def __str__(self) -> str:
+        again = "the robot had restarted" if self.restarted else "the robot had not restarted"
+        return f"connected again after {self.away_s:.1f} s, {again}; it was lost because {self.why}"
 
 
 class Robot:
     """One robot on one transport.
 
-    Call `poll` at least ten times a second while driving: it reads the line, keeps the clocks together and
-    notices when the robot falls silent or restarts.
+    Call `poll` at least ten times a second while driving or moving: it reads the line, repeats what was lost,
+    keeps moves alive and the clocks together, and notices when the robot falls silent or restarts. A program
+    that no longer calls it stops the robot.
 
     Parameters
     ----------
@@ -56,6 +99,8 @@ class Robot:
         The line; `close` closes it too.
     clock
         The host's time.
+    reopen
+        Opens the line anew, for `reconnect` after an unplugging; None where that cannot be.
 
     Attributes
     ----------
@@ -69,24 +114,38 @@ class Robot:
         Messages the robot did not obey.
     last_refusal : Nack or None
         The last of them, with the reason.
+    events : deque of Event
+        What happened to the session, in one line each: connected, lost, paused, connected again.
     """
 
-    def __init__(self, transport: Transport, clock: Clock) -> None:
+    def __init__(
+        self, transport: Transport, clock: Clock, reopen: Callable[[], Transport] | None = None
+    ) -> None:
         self.robot_counters: LinkStatus | None = None
         self.latest: Telemetry | None = None
         self.refusals = 0
         self.last_refusal: Nack | None = None
+        self.events: deque[Event] = deque(maxlen=EVENTS_MAX)
         self._transport = transport
         self._clock = clock
+        self._reopen = reopen
+        self._line_gone = False
         self._decoder = Decoder(to_host=True)
         self._seq = 0
         self._hello: Hello | None = None  # of the open session
+        self._known: Hello | None = None  # of the last session
+        self._lost_event: Event | None = None  # why that one ended
         self._offered: Hello | None = None  # the last one received
         self._offers = 0  # how often in a row that start of the robot said HELLO
+        self._session_refused = False  # by the robot, since connecting
         self._robot_clock = RobotClock()
         self._pings: dict[int, float] = {}  # not answered yet: what they carried -> earliest arrival
         self._pinged_s = float("-inf")
         self._heard_s = float("-inf")
+        self._polled_s = float("-inf")
+        self._unread: deque[Telemetry] = deque(maxlen=UNREAD_MAX)  # of the open session
+        self._errand: Errand | None = None  # the last one begun
+        self._values: dict[Param, int] = {}  # parameters that the robot has told
 
     @property
     def counters(self) -> Counters:
@@ -112,11 +171,76 @@ class Robot:
         self._offers = 0
         self._robot_clock = RobotClock()
         self._pings.clear()
+        self._unread.clear()
+        counters, self._decoder = self._decoder.counters, Decoder(to_host=True)
+        self._decoder.counters = counters
         give_up_s = self._clock.now_s() + timeout_s
         hello = self._await_session(give_up_s)
         self._compare_clocks(give_up_s)
-        self._hello = hello
+        self._open_session(hello)
         return hello
+
+    def _open_session(self, hello: Hello) -> None:
+        if self._errand is not None:
+            self._errand.withdraw()  # what was begun in another session is not sent in this one
+            if self._known is None or self._known.boot_nonce != hello.boot_nonce:
+                self._errand.lose()
+                self._errand = None
+        self._hello = self._known = hello
+        self._lost_event = None
+        self._unread = deque((r for r in self._unread if r.boot_nonce == hello.boot_nonce), UNREAD_MAX)
+        self._session_refused = False
+        self._polled_s = self._clock.now_s()
+        self._note(f"connected to build {hello.build_id:08x}, start {hello.boot_nonce:08x}")
+
+    def reconnect(self, timeout_s: float = RECONNECT_S) -> Reconnection:
+        """Open a session again after it was lost, on a newly opened line where the old one is gone.
+
+        Nothing that was sent before is sent again: commands die, the robot is stopped if it moves, and a
+        request that was open is asked after and not repeated. Waits until the robot is back.
+
+        Returns
+        -------
+        Reconnection
+            What had happened.
+
+        Raises
+        ------
+        DeviceError
+            The robot is not back within `timeout_s`, or has another schema.
+        """
+        before = self._known
+        lost = self._lost_event or Event(self._clock.now_s(), "the program asked for it")
+        give_up_s = self._clock.now_s() + timeout_s
+        patience_s = CONNECT_S if self._offered != before else ANSWER_S
+        while True:
+            try:
+                self._open_line()
+                hello = self.connect(min(patience_s, give_up_s - self._clock.now_s()))
+                if self.latest is not None and self.latest.state in (State.DRIVING, State.MOVING):
+                    self.stop()
+                break
+            except DeviceError as error:
+                if self._line_gone and self._reopen is None:
+                    raise
+                if self._clock.now_s() + REOPEN_PERIOD_S >= give_up_s:
+                    raise DeviceError(f"the robot is not back after {timeout_s:g} s: {error}") from None
+            self._line_gone = self._reopen is not None
+            patience_s = CONNECT_S
+            self._clock.sleep_s(REOPEN_PERIOD_S)
+        restarted = before is None or before.boot_nonce != hello.boot_nonce
+        reconnection = Reconnection(lost.text, self._clock.now_s() - lost.t_s, restarted)
+        self._note(str(reconnection))
+        return reconnection
+
+    def _open_line(self) -> None:
+        if not self._line_gone:
+            return
+        if self._reopen is None:
+            raise DeviceError("the line is gone and this program was not told how to open it again")
+        self._transport.close()
+        self._transport = self._reopen()
+        self._line_gone = False
 
     def _await_session(self, give_up_s: float) -> Hello:
         asked_s = float("-inf")
@@ -200,21 +324,165 @@ class Robot:
         self._session()
         if not (math.isfinite(v_mm_s) and math.isfinite(omega_rad_s)):
             raise ValueError(f"no speed to drive at: {v_mm_s} mm/s, {omega_rad_s} rad/s")
-        expires_us = self._robot_clock.mcu_time_us(self._clock.now_s() + DEAD_MAN_US * 1e-6)
-        self._send(Drive(round(v_mm_s), round(omega_rad_s * 1000), expires_us))
+        setpoint = Drive(round(v_mm_s), round(omega_rad_s * 1000), self._deadline_us(self._clock.now_s()))
+        self._withdraw()
+        self._send(setpoint)
 
-    def stop(self) -> None:
-        """Brake to a standstill."""
-        self._send(Stop())
+    def stop(self, how: StopHow = StopHow.BRAKE) -> None:
+        """Brake to a standstill, or roll out with `how` COAST; ends a move."""
+        self._withdraw()
+        self._send(Stop(how))
 
     def estop(self) -> None:
         """Motors off at once, latched until `clear`; needs no session."""
+        self._withdraw()
         for _ in range(ESTOP_COPIES):
             self._send(EStop())
 
     def clear(self) -> None:
         """Unlatch the fault; the next telemetry tells whether its cause is gone."""
         self._send(Clear(self._session().boot_nonce))
+
+    # --- Requests: done once or not at all ------------------------------------------------------
+
+    def move(self, distance_mm: float, speed_mm_s: float = 200.0) -> Errand:
+        """Begin to drive straight; `poll` carries it on, `wait` waits for its end, `stop` ends it early.
+
+        Parameters
+        ----------
+        distance_mm
+            Forward positive, within 32.767 m.
+        speed_mm_s
+            Fastest on the way.
+
+        Raises
+        ------
+        DeviceError
+            No session is open, or an earlier request is not over.
+        ValueError
+            A number cannot be sent.
+        """
+        return self._begin_move(Move, distance_mm, speed_mm_s)
+
+    def turn(self, angle_rad: float, rate_rad_s: float = 1.5) -> Errand:
+        """Begin to turn on the spot; as `move`.
+
+        Parameters
+        ----------
+        angle_rad
+            Positive to the right, within 32.767 rad.
+        rate_rad_s
+            Fastest on the way.
+        """
+        return self._begin_move(Turn, angle_rad * 1000, rate_rad_s * 1000)
+
+    def wait(self, errand: Errand, timeout_s: float = 60.0) -> Result:
+        """Poll until a request is over.
+
+        Telemetry that comes meanwhile is kept for the next `poll`.
+
+        Raises
+        ------
+        DeviceError
+            The robot fell silent or restarted, as in `poll`; or it takes longer than `timeout_s`, at which
+            it is stopped.
+        """
+        give_up_s = self._clock.now_s() + timeout_s
+        while errand.result is None:
+            if self._clock.now_s() >= give_up_s:
+                self.stop()
+                raise DeviceError(f"the robot was not done after {timeout_s:g} s and was told to stop")
+            self._clock.sleep_s(WAIT_STEP_S)
+            self._look()
+        return errand.result
+
+    def read_param(self, param: Param) -> int:
+        """Ask the robot for one parameter."""
+        self._session()
+        self._values.pop(param, None)
+        give_up_s = self._clock.now_s() + ANSWER_S
+        asked_s = -math.inf
+        while param not in self._values:
+            now_s = self._clock.now_s()
+            if now_s >= give_up_s:
+                raise DeviceError(f"the robot does not tell {param.name}: check the cable")
+            if now_s - asked_s >= REPEAT_S:
+                self._send(ParamRead(param))
+                asked_s = now_s
+            self._clock.sleep_s(WAIT_STEP_S)
+            self._look()
+        return self._values[param]
+
+    def read_params(self) -> dict[Param, int]:
+        """Ask the robot for all its parameters."""
+        return {param: self.read_param(param) for param in Param}
+
+    def write_param(self, param: Param, value: int) -> None:
+        """Change a parameter at once, until the robot's next start; the robot must stand.
+
+        Raises
+        ------
+        DeviceError
+            The robot refuses; the message says why.
+        ValueError
+            The value is out of the parameter's range.
+        """
+        known = PARAMETERS[param]
+        if not known.lowest <= value <= known.highest:
+            raise ValueError(f"{param.name} must be {known.lowest} to {known.highest}, not {value}")
+        nonce = self._session().boot_nonce
+        errand = self._begin(lambda number, _: ParamWrite(nonce, number, param, value), is_move=False)
+        self.wait(errand).require_done(f"{param.name} = {value}")
+
+    def save_params(self) -> None:
+        """Keep all parameters as they are now in the robot's EEPROM, and wait until that is done.
+
+        Raises
+        ------
+        DeviceError
+            The robot refuses or cannot; the message says why.
+        """
+        nonce = self._session().boot_nonce
+        errand = self._begin(lambda number, _: ParamSave(nonce, number), is_move=False)
+        self.wait(errand).require_done("saving the parameters")
+
+    def _begin_move(self, kind: type[Move] | type[Turn], way: float, speed: float) -> Errand:
+        nonce = self._session().boot_nonce
+        if not (math.isfinite(way) and math.isfinite(speed) and speed >= 1.0):
+            raise ValueError(f"no way to go: {way} mm or mrad at {speed} a second")
+        units, pace = round(way), round(speed)
+        encode(kind(nonce, 0, units, pace, 0), 0)  # ValueError now, not in some later poll
+        return self._begin(
+            lambda number, expires_us: kind(nonce, number, units, pace, expires_us), is_move=True
+        )
+
+    def _begin(self, make: Callable[[int, int], Request], *, is_move: bool) -> Errand:
+        if self._errand is not None and self._errand.result is None:
+            raise DeviceError("the last request is not over yet: wait for it")
+        number = self.latest.request if self.latest is not None else 0
+        if self._errand is not None and (self._errand.number - number) & 0xFFFF < 1 << 15:
+            number = self._errand.number  # it was never taken; a late copy of it must not be this one
+        now_s = self._clock.now_s()
+        self._errand = Errand(make, (number + 1) & 0xFFFF, is_move=is_move, begun_s=now_s)
+        self._serve_errand(now_s)
+        return self._errand
+
+    def _serve_errand(self, now_s: float) -> None:
+        errand = self._errand
+        if errand is None or errand.result is not None:
+            return
+        expires_us = self._deadline_us(now_s)
+        if request := errand.to_send(now_s, expires_us):
+            self._send(request)
+        elif errand.keep_alive(now_s):
+            self._send(KeepAlive(expires_us))
+
+    def _withdraw(self) -> None:
+        if self._errand is not None:
+            self._errand.withdraw()
+
+    def _deadline_us(self, now_s: float) -> int:
+        return self._robot_clock.mcu_time_us(now_s + DEAD_MAN_US * 1e-6)
 
     # --- Reports --------------------------------------------------------------------------------
 
@@ -226,20 +494,45 @@ class Robot:
         DeviceError
             The robot has been silent for 0.25 s or has restarted; `connect` again.
         """
+        trouble = self._look(raising=False)
+        reports = list(self._unread)
+        self._unread.clear()
+        if trouble is not None and not reports:  # what came before it is handed on first
+            raise self._lose(trouble)
+        return reports
+
+    def _look(self, raising: bool = True) -> str | None:
+        """Read the line and send what is due; why the session is over, if it is."""
         hello = self._session()
-        if self._clock.now_s() - self._pinged_s >= PING_PERIOD_S:
+        now_s = self._clock.now_s()
+        paused_s, self._polled_s = now_s - self._polled_s, now_s
+        if paused_s > PAUSE_S:
+            self._note(f"this program did not look at the robot for {paused_s:.1f} s")
+        if now_s - self._pinged_s >= PING_PERIOD_S:
             self._ping()
-        reports = self._read()
-        offered = self._offered
+        self._read()
+        trouble = self._trouble(hello, paused_s)
+        if trouble is not None:
+            if raising:
+                raise self._lose(trouble)
+            return trouble
+        self._serve_errand(self._clock.now_s())
+        return None
+
+    def _trouble(self, hello: Hello, paused_s: float) -> str | None:
+        offered, latest = self._offered, self.latest
         if offered and offered.boot_nonce != hello.boot_nonce:
-            cause = offered.reset_cause.name.lower().replace("_", " ")
-            raise self._lost(f"the robot restarted ({cause}): check battery and cable, then connect again")
-        if any(report.boot_nonce != hello.boot_nonce for report in reports):
-            raise self._lost("the robot restarted: check battery and cable, then connect again")
+            return f"the robot restarted ({RESETS[offered.reset_cause]})"
+        if latest and latest.boot_nonce != hello.boot_nonce:
+            return "the robot restarted"
+        if self._session_refused:
+            return "the robot has closed the session, as when another program spoke to it"
+        if paused_s > PAUSE_MAX_S:
+            return f"this program was paused for {paused_s:.0f} s"
         silent_s = self._clock.now_s() - self._heard_s
         if silent_s > SILENCE_S:
-            raise self._lost(f"the robot has been silent for {silent_s:.2f} s: check cable and power")
-        return reports
+            return f"the robot has been silent for {silent_s:.2f} s: check cable and power"
+        return None
 
     def host_time_s(self, mcu_time_us: int) -> float:
         """Host time at which the robot's clock showed `mcu_time_us`, as in Telemetry; after `connect`."""
@@ -252,16 +545,31 @@ class Robot:
             raise DeviceError("no session with the robot is open: connect first")
         return self._hello
 
-    def _lost(self, why: str) -> DeviceError:
-        self._hello = None
-        return DeviceError(why)
+    def _lose(self, why: str) -> DeviceError:
+        """The session is over; what to tell the caller."""
+        if self._hello is not None:
+            self._hello = None
+            self._lost_event = Event(self._clock.now_s(), why)
+            self._note(f"lost: {why}")
+        return DeviceError(f"{why}; connect again")
+
+    def _note(self, text: str) -> None:
+        self.events.append(Event(self._clock.now_s(), text))
 
     def _send(self, message: Message) -> int:
         # The delimiter before the frame keeps noise of the pause from swallowing it.
         frame = b"\0" + encode(message, self._seq)
         self._seq = (self._seq + 1) & 0xFF
-        self._transport.write(frame)
+        try:
+            self._transport.write(frame)
+        except DeviceError as error:
+            raise self._line_lost(error) from None
         return len(frame)
+
+    def _line_lost(self, error: DeviceError) -> DeviceError:
+        self._line_gone = True
+        self._lose(str(error))
+        return error
 
     def _ping(self) -> None:
         self._pinged_s = self._clock.now_s()
@@ -270,27 +578,37 @@ class Robot:
             del self._pings[next(iter(self._pings))]  # the oldest will not be answered any more
         self._pings[token] = self._pinged_s + BYTE_S * self._send(Ping(token))
 
-    def _read(self) -> list[Telemetry]:
-        received = self._decoder.feed(self._transport.read())
+    def _read(self) -> None:
+        try:
+            data = self._transport.read()
+        except DeviceError as error:
+            raise self._line_lost(error) from None
         now_s = self._clock.now_s()
-        reports = []
-        for _, message in received:
+        for _, message in self._decoder.feed(data):
             self._heard_s = now_s
-            match message:
-                case Telemetry():
-                    self.latest = message
-                    reports.append(message)
-                case Pong():
-                    arrived_s = self._pings.pop(message.host_time_us, None)
-                    if arrived_s is not None:
-                        self._robot_clock.add(arrived_s, message.mcu_time_us, now_s - _PONG_S)
-                case Hello():
-                    same = self._offered is not None and self._offered.boot_nonce == message.boot_nonce
-                    self._offers = self._offers + 1 if same else 1
-                    self._offered = message
-                case Nack():
-                    self.refusals += 1
-                    self.last_refusal = message
-                case LinkStatus():
-                    self.robot_counters = message
-        return reports
+            self._take(message, now_s)
+
+    def _take(self, message: Message, now_s: float) -> None:
+        match message:
+            case Telemetry():
+                self.latest = message
+                if self._hello is None or message.boot_nonce == self._hello.boot_nonce:
+                    self._unread.append(message)
+                    if self._errand is not None and self._hello is not None:
+                        self._errand.hear(message, now_s)
+            case Pong():
+                arrived_s = self._pings.pop(message.host_time_us, None)
+                if arrived_s is not None:
+                    self._robot_clock.add(arrived_s, message.mcu_time_us, now_s - _PONG_S)
+            case Hello():
+                same = self._offered is not None and self._offered.boot_nonce == message.boot_nonce
+                self._offers = self._offers + 1 if same else 1
+                self._offered = message
+            case Nack():
+                self.refusals += 1
+                self.last_refusal = message
+                self._session_refused |= message.reason == Refusal.NO_SESSION
+            case LinkStatus():
+                self.robot_counters = message
+            case ParamValue():
+                self._values[message.param] = message.value

@@ -260,7 +260,7 @@ def test_a_restart_is_noticed_within_50_ms_and_ends_the_session():
         robot.poll()
     board.restart(ResetCause.BROWN_OUT, nonce=0xBAD)
     began_s = clock.now_s()
-    with pytest.raises(DeviceError, match=r"restarted \(brown out\): check battery"):
+    with pytest.raises(DeviceError, match=r"restarted \(its voltage broke down: check the battery\)"):
         while clock.now_s() < began_s + 1:
             clock.sleep_s(0.01)
             robot.poll()
@@ -278,7 +278,7 @@ def test_a_restart_is_noticed_by_telemetry_alone_when_its_hello_is_lost():
     board.silent = True
     board.restart(ResetCause.WATCHDOG, nonce=0xBAD)
     board.silent = False
-    with pytest.raises(DeviceError, match="the robot restarted: check battery"):
+    with pytest.raises(DeviceError, match="the robot restarted; connect again"):
         for _ in range(5):
             clock.sleep_s(0.01)
             robot.poll()
