@@ -232,8 +232,8 @@ class Body:
         The wheels then slip on the spot, and the encoders go on counting.
         """
         self._unseen_cm += step
-        # The gap shrinks by no more than the way, so that far from everything nobody needs to look.
-        if self._unseen_cm < min(LOOK_CM, self._clearance_cm):
+        # The gap to what stands shrinks by no more than the way, so that far from it nobody needs to look.
+        if not self._world.movers and self._unseen_cm < min(LOOK_CM, self._clearance_cm):
             return False
         gap = self._gap_cm(x, z)
         if gap < 0.0 and gap < self._gap_cm(self._x, self._z):
@@ -247,7 +247,8 @@ class Body:
         return False
 
     def _gap_cm(self, x: float, z: float) -> float:
-        return float(self._world.distance_cm(np.array([[x, z]]))[0]) - self._model.radius_cm
+        world = self._world.at(self._time_us * 1e-6)
+        return float(world.distance_cm(np.array([[x, z]]))[0]) - self._model.radius_cm
 
     def _set_battery(self, mv: float) -> None:
         if abs(mv - self._battery_mv) >= 1.0:

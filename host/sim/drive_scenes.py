@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from host.camera.lens import Lens
-from host.sim.things import Ball, Board, Box, Cylinder, Material, Rgb, Thing
+from host.sim.things import Ball, Board, Box, Cylinder, Material, Mover, Rgb, Thing
 from host.sim.world import Room, World
 
 PATH_WIDTH_CM = 40.0  # every room has a way this wide to its goal
@@ -147,6 +147,31 @@ def clutter(seed: int = 0) -> World:
                 if _stands_clear(world, thing):
                     world = replace(world, things=(*world.things, thing))
                     break
+    return world
+
+
+def with_mover(world: World) -> World:
+    """The same world with something that crosses the straight way to the goal, to and fro."""
+    rng = np.random.default_rng((0x307E4, world.seed))
+    goal = np.array(world.goal_cm)
+    aside = np.array([goal[1], -goal[0]]) / np.hypot(*goal)
+    for _ in range(400):
+        radius = rng.uniform(6, 11)
+        rgb = OBJECT_COLOURS[rng.integers(len(OBJECT_COLOURS))]
+        middle = rng.uniform(0.35, 0.7) * goal
+        reaches = []
+        for way in (-1, 1):
+            steps = middle + way * np.arange(0.0, 120.0, 2.0)[:, None] * aside
+            blocked = world.distance_cm(steps) < radius + 3
+            reaches.append(2.0 * int(np.argmax(blocked)) if blocked.any() else 120.0)
+        if min(reaches) < 20 or sum(reaches) < 60:
+            continue
+        ends = middle - reaches[0] * aside, middle + reaches[1] * aside
+        here, there = ends if rng.integers(2) else ends[::-1]
+        look = Material(rgb, contrast=0.05, scale_cm=4.0, seed=int(rng.integers(1 << 31)))
+        thing = Cylinder("mover", here[0], here[1], radius, rng.uniform(20, 45), look)
+        mover = Mover(thing, (float(there[0]), float(there[1])), rng.uniform(8, 20))
+        return replace(world, movers=(mover,))
     return world
 
 

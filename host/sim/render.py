@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypedDict
 
 import cv2
@@ -27,6 +27,10 @@ class WebcamModel:
     full_well: float = 4000.0  # electrons at white: shot noise
     read_noise: float = 0.0025  # standard deviation, relative to white
     jpeg_quality: int = 85  # with 4:2:0 chroma; 0 for no JPEG
+    readout_s: float = 0.0  # between the first row's exposure and the last's
+    latency_s: float = 0.0  # from the last row's exposure until the program can have the picture
+    jitter_s: float = 0.0  # and up to this much more, at random
+    stamp_late_s: float = 0.0  # by how much a picture's time is later than its middle row's exposure
 
 
 IDEAL = WebcamModel(
@@ -243,7 +247,7 @@ class Renderer:
 
     # --- Pictures ---------------------------------------------------------------------------------
 
-    def light(self, pose: Pose, psf_px: float = 0.0) -> np.ndarray:
+    def light(self, pose: Pose, psf_px: float = 0.0, rows: slice = slice(None)) -> np.ndarray:
         """Light at the sensor, (H, W, 3) float32, linear BGR, 1 = white paper well lit.
 
         Parameters
@@ -252,8 +256,15 @@ class Renderer:
             Of the camera.
         psf_px
             Standard deviation of the lens blur; the pixels' own integration comes on top.
+        rows
+            Only these.
         """
-        return self._scene.render(**_camera(pose, self.lens), psf_px=psf_px)
+        first, end, _ = rows.indices(self.lens.height)
+        margin = math.ceil(5 * psf_px)
+        top, bottom = max(first - margin, 0), min(end + margin, self.lens.height)
+        band = replace(self.lens, cy=self.lens.cy - top, height=bottom - top)
+        light = self._scene.render(**_camera(pose, band), psf_px=psf_px)
+        return light[first - top : end - top]
 
     def truth(self, pose: Pose) -> TrueFrame:
         """What is to be seen from a pose."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from urllib.parse import parse_qsl
 
 from host.errors import UsageError
-from host.sim.drive_scenes import boxes, clutter, corridor, room
+from host.sim.drive_scenes import boxes, clutter, corridor, room, with_mover
 from host.sim.experiment_scenes import experiment_1, experiment_2, experiment_3, slants
 from host.sim.tabletop_scenes import tabletop
 from host.sim.world import World
@@ -22,10 +22,12 @@ SCENES = {
     "slants": slants,
 }
 PARAMETERS = {name: ("seed",) for name in SCENES} | {
-    "room": ("seed", "objects"),
+    "room": ("seed", "objects", "movers"),
+    "corridor": ("seed", "movers"),
+    "clutter": ("seed", "movers"),
     "slants": ("seed", "angle_deg"),
 }
-HIGHEST = {"seed": 2**31 - 1, "objects": 30, "angle_deg": 60}
+HIGHEST = {"seed": 2**31 - 1, "objects": 30, "movers": 1, "angle_deg": 60}
 
 
 def world_from_uri(uri: str) -> World:
@@ -52,4 +54,6 @@ def world_from_uri(uri: str) -> World:
         if key in values:
             raise UsageError(f"camera {uri!r}: {key} is given twice; keep one of them")
         values[key] = int(text)
-    return SCENES[name](**values)
+    movers = values.pop("movers", 0)
+    world = SCENES[name](**values)
+    return with_mover(world) if movers else world

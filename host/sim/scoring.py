@@ -117,7 +117,7 @@ class Score:
         if t_s - self._looked_s < DEPTH_EVERY_S:
             return
         self._looked_s = t_s
-        renderer = self._simulation.renderer
+        renderer = self._simulation.renderer_at(t_s)
         truth = renderer.truth(self._simulation.true_pose(t_s))
         self.samples += score_depths(snapshot, report, truth, renderer.background_ids, t_s)
 

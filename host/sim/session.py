@@ -18,6 +18,7 @@ from host.sim.render import Renderer, Webcam, WebcamModel
 from host.sim.scenes import world_from_uri
 
 FRAMES_PER_S = 15.0
+BANDS = 12  # of rows exposed at one moment each, where rows are read out one after another
 
 
 class SimulatedClock:
@@ -40,7 +41,7 @@ class SimulatedClock:
 
 
 class SimulatedCamera:
-    """The robot's webcam, a ``host.camera.frame.FrameSource``. Frame k is taken at k / `fps` seconds."""
+    """The robot's webcam, a ``host.camera.frame.FrameSource``. Frame k is begun at k / `fps` seconds."""
 
     def __init__(
         self,
@@ -49,10 +50,13 @@ class SimulatedCamera:
         now_us: Callable[[], int],
         advance_to: Callable[[int], None],
         take: Callable[[int, int], np.ndarray],
+        model: WebcamModel,
+        seed: int,
     ) -> None:
         self.lens: Lens | None = lens
         self._fps = fps
         self._now_us, self._advance_to, self._take = now_us, advance_to, take
+        self._model, self._seed = model, seed
         self._last_seq = -1
         self._open = True
 
@@ -67,28 +71,37 @@ class SimulatedCamera:
         if not self._open:
             return None
         now_us = self._now_us()
-        seq = int(now_us * 1e-6 * self._fps)
-        while self._time_us(seq + 1) <= now_us:  # rounding of the product may hide the newest
+        seq = self._last_seq + 1
+        guess = int((now_us * 1e-6 - self._model.latency_s - self._model.readout_s) * self._fps) - 1
+        seq = max(seq, guess)
+        while self._ready_us(seq + 1) <= now_us:
             seq += 1
-        seq = max(seq, self._last_seq + 1)
-        wait_us = self._time_us(seq) - now_us
+        wait_us = self._ready_us(seq) - now_us
         if wait_us > timeout_s * 1e6:
             self._advance_to(now_us + int(timeout_s * 1e6))
             raise DeviceError(
                 f"camera: no picture within {timeout_s:g} s at {self._fps:g} a second; wait longer"
             )
         if wait_us > 0:
-            self._advance_to(self._time_us(seq))
+            self._advance_to(self._ready_us(seq))
         self._last_seq = seq
         t_us = self._time_us(seq)
-        return Frame(self._take(t_us, seq), t_us * 1e-6, seq)
+        return Frame(self._take(t_us, seq), t_us * 1e-6 + self._model.stamp_late_s, seq)
 
     def close(self) -> None:
         """No more pictures from here."""
         self._open = False
 
     def _time_us(self, seq: int) -> int:
-        return round(seq * 1e6 / self._fps)
+        """When the middle row is exposed."""
+        return round((seq / self._fps + self._model.readout_s / 2) * 1e6)
+
+    def _ready_us(self, seq: int) -> int:
+        model = self._model
+        late_s = model.readout_s / 2 + model.latency_s
+        if model.jitter_s:
+            late_s += model.jitter_s * float(np.random.default_rng((self._seed, 3, seq)).random())
+        return self._time_us(seq) + round(late_s * 1e6)
 
 
 class Simulation:
@@ -149,7 +162,10 @@ class Simulation:
         self._webcam = Webcam(self._webcam_model, self.world.lens, self.world.seed)
         self.transport = Line(self.board)
         self.clock = SimulatedClock(self._now_us, self._advance_to)
-        self.camera = SimulatedCamera(self.world.lens, fps, self._now_us, self._advance_to, self._take)
+        lens, seed = self.world.lens, self.world.seed
+        self.camera = SimulatedCamera(
+            lens, fps, self._now_us, self._advance_to, self._take, self._webcam_model, seed
+        )
 
     def true_pose(self, t_s: float) -> Pose:
         """Where the camera truly was at a time of the last 10 s; for scoring alone.
@@ -171,6 +187,17 @@ class Simulation:
                 body.step()  # knows the edges of the coming millisecond, which the board is told beforehand
             board.step(min(until_us, body.time_us) - now_us)
 
+    def renderer_at(self, t_s: float) -> Renderer:
+        """The world as it stands at a time; for scoring alone."""
+        return Renderer(self.world.at(t_s)) if self.world.movers else self.renderer
+
     def _take(self, t_us: int, seq: int) -> np.ndarray:
-        light = self.renderer.light(self.body.pose_at(t_us), self._webcam_model.psf_px)
-        return self._webcam.take(light, t_us * 1e-6, seq)
+        model, height = self._webcam_model, self.world.lens.height
+        renderer = self.renderer_at(t_us * 1e-6)
+        bands = BANDS if model.readout_s else 1
+        light = []
+        for n in range(bands):
+            rows = slice(n * height // bands, (n + 1) * height // bands)
+            late_us = model.readout_s * 1e6 * ((n + 0.5) / bands - 0.5)
+            light.append(renderer.light(self.body.pose_at(t_us + round(late_us)), model.psf_px, rows))
+        return self._webcam.take(np.concatenate(light), t_us * 1e-6, seq)

@@ -176,6 +176,23 @@ class Group:
 Thing = Shape | Group
 
 
+@dataclass(frozen=True)
+class Mover:
+    """A thing that goes to and fro between its place and another one, at one speed."""
+
+    thing: Thing
+    other_end_cm: tuple[float, float]  # x, z
+    speed_cm_s: float
+
+    def at(self, t_s: float) -> Thing:
+        """The thing where it is at a time; at 0 it sets out from its own place."""
+        way = (self.other_end_cm[0] - self.thing.x_cm, self.other_end_cm[1] - self.thing.z_cm)
+        length = math.hypot(*way)
+        gone = self.speed_cm_s * t_s % (2 * length)
+        part = min(gone, 2 * length - gone) / length
+        return moved(self.thing, part * way[0], part * way[1])
+
+
 def moved(thing: Thing, right_cm: float, ahead_cm: float) -> Thing:
     """The same thing elsewhere."""
     if isinstance(thing, Group):

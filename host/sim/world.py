@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import cv2
 import numpy as np
 
 from host.camera.lens import Lens
-from host.sim.things import Board, Box, Material, Thing, pieces_of
+from host.sim.things import Board, Box, Material, Mover, Thing, pieces_of
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class Room:
 
 @dataclass(frozen=True)
 class World:
-    """A room with things in it, and a robot's task in it."""
+    """A room with things in it, and a robot's task in it. Only ``at`` knows of its movers."""
 
     name: str
     room: Room
@@ -42,6 +42,13 @@ class World:
     lens: Lens
     goal_cm: tuple[float, float]  # x, z
     seed: int
+    movers: tuple[Mover, ...] = ()
+
+    def at(self, t_s: float) -> World:
+        """The world as it stands at a time, its movers among its things."""
+        if not self.movers:
+            return self
+        return replace(self, things=(*self.things, *(mover.at(t_s) for mover in self.movers)), movers=())
 
     @cached_property
     def _circles(self) -> np.ndarray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,8 +11,12 @@ import pytest
 from host.errors import DeviceError, UsageError
 from host.link.protocol import State
 from host.link.robot import Robot
-from host.sim.render import IDEAL
+from host.sim.board import Board
+from host.sim.body import Body, BodyModel
+from host.sim.render import IDEAL, Webcam
+from host.sim.scenes import world_from_uri
 from host.sim.session import Simulation
+from host.sim.things import moved
 
 
 def drive(simulation: Simulation, frames: int, v_mm_s: float, omega_rad_s: float) -> Robot:
@@ -159,3 +164,86 @@ def test_a_world_that_does_not_exist_is_a_usage_error(uri: str) -> None:
 def test_an_impossible_frame_rate_is_refused(fps: float) -> None:
     with pytest.raises(ValueError, match="fps"):
         Simulation("sim:boxes", fps=fps)
+
+
+# --- A camera that takes its time, and a world that moves -------------------------------------------
+
+
+def test_each_row_of_a_picture_taken_while_turning_shows_the_world_from_where_the_camera_was_then() -> None:
+    readout_s = 0.04
+    simulation = Simulation("sim:boxes", webcam=replace(IDEAL, readout_s=readout_s))
+    drive(simulation, 20, 0.0, 1.0)
+    frame = simulation.camera.read(0.3)
+    assert frame is not None
+    develop = Webcam(IDEAL, simulation.world.lens, 0)
+    pictures = []
+    for row in (5, 105, 235):
+        then = simulation.true_pose(frame.t_s + readout_s * ((row + 0.5) / 240 - 0.5))
+        picture = develop.take(simulation.renderer.light(then), 0.0, 0).astype(int)
+        # a row's moment is known to a twelfth of the readout, in which the picture moves by a pixel
+        wrong = np.abs(picture[row] - frame.image[row]).max(axis=1) > 24
+        assert wrong.mean() < 0.04
+        pictures.append(picture)
+    apart = np.abs(pictures[2][105] - pictures[0][105]).max(axis=1) > 24
+    assert apart.mean() > 0.1  # else this would prove nothing
+
+
+def test_a_camera_at_rest_sees_the_same_however_slowly_its_rows_are_read() -> None:
+    images = []
+    for readout_s in (0.0, 0.03):
+        simulation = Simulation("sim:boxes", webcam=replace(IDEAL, psf_px=0.65, readout_s=readout_s))
+        frame = simulation.camera.read(0.3)
+        assert frame is not None
+        images.append(frame.image.astype(int))
+    assert np.abs(images[1] - images[0]).max() <= 1
+
+
+def test_a_late_picture_comes_late_in_turn_and_says_when_it_was_taken() -> None:
+    webcam = replace(IDEAL, readout_s=0.02, latency_s=0.05, jitter_s=0.03, stamp_late_s=0.01)
+    simulation = Simulation("sim:boxes", webcam=webcam, fps=20)
+    delays = []
+    for seq in range(15):
+        frame = simulation.camera.read(0.3)
+        assert frame is not None and frame.seq == seq
+        taken_s = seq / 20 + 0.01
+        assert frame.t_s == pytest.approx(taken_s + 0.01, abs=1e-6)
+        delays.append(simulation.clock.now_s() - taken_s)
+    assert 0.06 - 1e-6 <= min(delays) < max(delays) <= 0.09 + 1e-6
+    assert np.std(delays) > 0.004
+
+
+def test_a_mover_is_elsewhere_in_a_later_picture_and_stops_who_drives_into_it() -> None:
+    simulation = Simulation("sim:room?seed=2&movers=1", webcam=IDEAL)
+    (mover,) = simulation.world.movers
+    start, later = mover.at(0.0), mover.at(1.0)
+    assert math.hypot(later.x_cm - start.x_cm, later.z_cm - start.z_cm) == pytest.approx(mover.speed_cm_s)
+    first = simulation.camera.read(0.3)
+    simulation.clock.sleep_s(1.5)
+    second = simulation.camera.read(0.3)
+    assert first is not None and second is not None
+    assert np.abs(second.image.astype(int) - first.image).max() > 40
+
+    standing = replace(mover, thing=moved(mover.thing, -mover.thing.x_cm, 40.0 - mover.thing.z_cm))
+    standing = replace(standing, other_end_cm=(0.5, 40.0))
+    world = replace(simulation.world, movers=(standing,))
+    board = Board(0)
+    body = Body(world, board, BodyModel(), 0)
+    body._left.speed_cm_s = body._right.speed_cm_s = 40.0
+    for _ in range(2000):
+        body._left.speed_cm_s = body._right.speed_cm_s = 40.0
+        body.step()
+        board.step(1000)
+    assert body.collisions == 1
+
+
+@pytest.mark.parametrize("scene", ["room", "corridor", "clutter"])
+def test_most_worlds_have_room_for_a_mover_that_keeps_clear_of_what_stands(scene: str) -> None:
+    found = 0
+    for seed in range(20):
+        world = world_from_uri(f"sim:{scene}?seed={seed}&movers=1")
+        for mover in world.movers:
+            found += 1
+            for t_s in np.arange(0.0, 20.0, 0.5):
+                thing = mover.at(t_s)
+                assert world.distance_cm(np.array([[thing.x_cm, thing.z_cm]]))[0] > thing.reach_cm
+    assert found >= 12
