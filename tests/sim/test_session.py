@@ -172,7 +172,7 @@ def test_an_impossible_frame_rate_is_refused(fps: float) -> None:
 def test_each_row_of_a_picture_taken_while_turning_shows_the_world_from_where_the_camera_was_then() -> None:
     readout_s = 0.04
     simulation = Simulation("sim:boxes", webcam=replace(IDEAL, readout_s=readout_s))
-    drive(simulation, 20, 0.0, 1.0)
+    drive(simulation, 6, 0.0, 1.0)
     frame = simulation.camera.read(0.3)
     assert frame is not None
     develop = Webcam(IDEAL, simulation.world.lens, 0)
