@@ -8,24 +8,38 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 from host.errors import DeviceError
+from host.link.parameters import PARAMETERS, Param
 from host.link.protocol import (
+    DEAD_MAN_US,
     PROTOCOL_VERSION,
     SCHEMA_HASH,
     TELEMETRY_PERIOD_US,
+    Clear,
     Decoder,
+    Drive,
+    EStop,
     Fault,
     Hello,
     HelloRequest,
+    KeepAlive,
     LinkStatus,
     Message,
+    Move,
     Nack,
     Outcome,
+    ParamRead,
+    ParamSave,
+    ParamValue,
+    ParamWrite,
     Ping,
     Pong,
     Refusal,
+    Request,
     ResetCause,
     State,
+    Stop,
     Telemetry,
+    Turn,
     encode,
 )
 
@@ -45,7 +59,11 @@ class VirtualClock:
 
 @dataclass
 class ScriptedRobot:
-    """Transport and robot in one. `heard` holds every message that reached the robot, with its own time."""
+    """Transport and robot in one.
+
+    `heard` holds every message that reached the robot, with its own time; `begun` every request it carried
+    out, once for each time it did.
+    """
 
     clock: VirtualClock
     delay_s: float = 0.0006  # each way; the PING's 13 bytes take 0.52 ms at 250000 baud, the PONG's 0.64
@@ -58,6 +76,10 @@ class ScriptedRobot:
     answers_ping: bool = True
     button_pressed: bool = False  # a fault from the start
     nonce: int = 0xC0FFEE
+    request: int = 0  # the last one taken before the session
+    move_takes_s: float = 0.5
+    save_takes_s: float = 0.1
+    begun: list[Request] = field(default_factory=list)
     heard: list[tuple[int, Message]] = field(default_factory=list)
     silent: bool = False
     unplugged: bool = False
@@ -68,7 +90,9 @@ class ScriptedRobot:
         self._to_robot: list[tuple[float, bytes]] = []
         self._to_host: list[tuple[float, int, bytes]] = []
         self._sent = 0
+        first_request = self.request
         self._start(max(self.starts_at_s, self.clock.t_s), ResetCause.POWER_ON)
+        self.request = first_request
 
     # --- As a transport -------------------------------------------------------------------------
 
@@ -111,14 +135,19 @@ class ScriptedRobot:
     def telemetry(self, t_s: float) -> Telemetry:
         mcu_us = self.mcu_us(t_s)
         return Telemetry(
-            mcu_us, self.state, Fault.NONE, 0, 0, 0, 0, 0, 0, 0, 0, 7400, 0, 0, self.nonce, 0,
-            0, 0, 0, Outcome.NONE, Refusal.NONE,
+            mcu_us, self.state, self.fault, 0, 0, 0, 0, 0, 0, 0, 0, 7400, 0, 0, self.nonce, 0,
+            0, 0, self.request, self.outcome, self.reason,
         )  # fmt: skip
 
     def _start(self, t_s: float, cause: ResetCause) -> None:
         self._started_s = self._ticked_s = t_s
         self.session = False
         self.state = State.FAULT if self.button_pressed else State.BOOT
+        self.fault = Fault.ESTOP_BUTTON if self.button_pressed else Fault.NONE
+        self.request, self.outcome, self.reason = 0, Outcome.NONE, Refusal.NONE
+        self.values = {param: known.default for param, known in PARAMETERS.items()}
+        self._over_s = float("inf")  # when what runs is done
+        self._obeyed_s = t_s  # last DRIVE, MOVE, TURN or KEEP_ALIVE
         self._decoder = Decoder(to_host=False)
         self._seq = 0
         self._cause = cause
@@ -151,21 +180,111 @@ class ScriptedRobot:
         if t_s < self._started_s:
             return
         if data is None:
+            self._tick(t_s)
             self.send(self.telemetry(t_s), t_s)
             if self.mcu_us(t_s) // TELEMETRY_PERIOD_US % 20 == 0:
                 self.send(LinkStatus(self._decoder.counters.frames, *[0] * 9), t_s)
             return
         for seq, message in self._decoder.feed(data):
             self.heard.append((self.mcu_us(t_s), message))
-            match message:
-                case HelloRequest():
-                    self.session = message.schema_hash == self.schema_hash
-                    if self.session and self.state == State.BOOT:
-                        self.state = State.READY
-                    self.send(self._hello(), t_s)
-                case Ping() if self.answers_ping:
+            refusal = self._obey(message, t_s)
+            if refusal != Refusal.NONE:
+                self.send(Nack(message.ID, seq, refusal), t_s)
+
+    def _tick(self, t_s: float) -> None:
+        if self.outcome == Outcome.RUNNING and t_s >= self._over_s:
+            self.outcome = Outcome.DONE
+            if self.state == State.MOVING:
+                self.state = State.READY
+        if self.state == State.STOPPED:
+            self.state = State.READY
+        if self.state in (State.DRIVING, State.MOVING) and t_s - self._obeyed_s > DEAD_MAN_US * 1e-6:
+            self.latch(Fault.LINK_LOST)
+
+    def latch(self, fault: Fault) -> None:
+        """Stop with a fault."""
+        self._abort(Refusal.BY_FAULT)
+        self.state, self.fault = State.FAULT, fault
+
+    def _abort(self, reason: Refusal) -> None:
+        if self.state == State.MOVING and self.outcome == Outcome.RUNNING:
+            self.outcome, self.reason = Outcome.ABORTED, reason
+
+    def _obey(self, message: Message, t_s: float) -> Refusal:
+        match message:
+            case HelloRequest():
+                self.session = message.schema_hash == self.schema_hash
+                if self.session and self.state == State.BOOT:
+                    self.state = State.READY
+                self.send(self._hello(), t_s)
+            case Ping():
+                if self.answers_ping:
                     self.send(Pong(message.host_time_us, self.mcu_us(t_s)), t_s)
-                case Ping():
-                    pass
-                case _ if not self.session:
-                    self.send(Nack(message.ID, seq, Refusal.NO_SESSION), t_s)
+            case EStop():
+                self.latch(Fault.ESTOP_FRAME)
+            case ParamRead():
+                self.send(ParamValue(Param(message.param), self.values[Param(message.param)]), t_s)
+            case _ if not self.session:
+                return Refusal.NO_SESSION
+            case Stop():
+                self._abort(Refusal.BY_STOP)
+                if self.state in (State.DRIVING, State.MOVING):
+                    self.state = State.STOPPED
+            case Clear():
+                self.state, self.fault = State.READY, Fault.NONE
+            case Drive() | KeepAlive():
+                return self._drive(message, t_s)
+            case Move() | Turn() | ParamWrite() | ParamSave():
+                return self._take(message, t_s)
+            case _:
+                pass
+        return Refusal.NONE
+
+    def _late(self, expires_us: int, t_s: float) -> bool:
+        return (expires_us - self.mcu_us(t_s)) & 0xFFFF_FFFF >= 1 << 31
+
+    def _drive(self, message: Drive | KeepAlive, t_s: float) -> Refusal:
+        if self.state == State.FAULT:
+            return Refusal.FAULT_LATCHED if isinstance(message, Drive) else Refusal.NONE
+        if self._late(message.expires_us, t_s):
+            return Refusal.EXPIRED
+        if isinstance(message, Drive):
+            self._abort(Refusal.BY_DRIVE)
+            self.state = State.DRIVING
+        self._obeyed_s = t_s
+        return Refusal.NONE
+
+    def _take(self, message: Request, t_s: float) -> Refusal:
+        if message.boot_nonce != self.nonce:
+            return Refusal.BAD_NONCE
+        ahead = (message.request - self.request) & 0xFFFF
+        if ahead == 0:
+            return Refusal.NONE
+        if ahead >= 1 << 15:
+            return Refusal.OLD_REQUEST
+        self.request = message.request
+        self.reason = self._objection(message, t_s)
+        if self.reason != Refusal.NONE:
+            self.outcome = Outcome.REFUSED
+            return self.reason
+        self.begun.append(message)
+        self.outcome = Outcome.RUNNING
+        match message:
+            case ParamWrite():
+                self.values[Param(message.param)] = message.value
+                self.outcome = Outcome.DONE
+                self.send(ParamValue(Param(message.param), message.value), t_s)
+            case ParamSave():
+                self._over_s = t_s + self.save_takes_s
+            case _:
+                self.state, self._obeyed_s = State.MOVING, t_s
+                self._over_s = t_s + self.move_takes_s
+        return Refusal.NONE
+
+    def _objection(self, message: Request, t_s: float) -> Refusal:
+        if isinstance(message, Move | Turn):
+            if self.state == State.FAULT:
+                return Refusal.FAULT_LATCHED
+            if self._late(message.expires_us, t_s):
+                return Refusal.EXPIRED
+        return Refusal.NONE if self.state in (State.READY, State.FAULT) else Refusal.NOT_STANDING
