@@ -1,7 +1,7 @@
 // A move from standstill to standstill: profile, heading hold, braking by the way that is left.
 #include "move.h" // this file's manual
 
-#define CREEP_Q4 (25 * 16)   // slowest of the profile: the last millimetres
+#define CREEP_Q4 INT32_C(400)  // slowest of the profile: the last millimetres
 #define STILL_TICKS 20       // without travel, and a wheel stands: 0.1 s
 #define ROLL_OUT_TICKS 10    // a wheel told to brake rolls on as far as it would go in these
 #define LEVEL_DIVISOR 64     // um that a wheel is ahead, per q4 of speed taken off it
