@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 """Builds the ATmega firmware with plain avr-gcc, as firmware/platformio.ini describes it.
 
-    tools/build_firmware.py    # build/firmware/NAME.elf and .hex for every environment of platformio.ini
+    tools/build_firmware.py    # build/firmware/NAME.elf and .hex for every board of platformio.ini
 
-Flags come from platformio.ini, what PlatformIO's platform adds from tools/pio_offline/platform; the result is
+Flags come from platformio.ini, what PlatformIO's platform adds from tools/pio_offline/atmelavr; the result is
 the same hex as `pio run -d firmware` gives.
 """
 
@@ -19,7 +19,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 FIRMWARE = ROOT / "firmware"
-PLATFORM = ROOT / "tools" / "pio_offline" / "platform"
+PLATFORM = ROOT / "tools" / "pio_offline" / "atmelavr"
 OUTPUT = ROOT / "build" / "firmware"
 
 sys.path.insert(0, str(PLATFORM / "builder"))
@@ -35,10 +35,10 @@ def _run(*command: str | Path) -> str:
 
 
 def environments() -> dict[str, configparser.SectionProxy]:
-    """Environments of platformio.ini by name; each holds the options of [env] too."""
+    """The robot's environments of platformio.ini by name; each holds the options of [env] too."""
     ini = configparser.ConfigParser(default_section="env", interpolation=None)
     ini.read(FIRMWARE / "platformio.ini")
-    return {name.removeprefix("env:"): ini[name] for name in ini.sections() if name.startswith("env:")}
+    return {name: ini[f"env:{name}"] for name in ini["platformio"]["default_envs"].split(", ")}
 
 
 def build(name: str, options: configparser.SectionProxy, output: Path = OUTPUT) -> Path:

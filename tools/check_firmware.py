@@ -33,9 +33,9 @@ AVR = [
 ]
 
 
-def findings(sources: Path = SOURCES) -> str:
-    """What both tools have to say about the C files of a folder laid out like firmware/src; empty if nothing."""
-    files = sorted(sources.glob("**/*.c"))
+def findings(sources: Path = SOURCES, only: str = "*.c") -> str:
+    """What both tools have to say about the C files in a folder like firmware/src; empty if nothing."""
+    files = sorted(sources.glob(f"**/{only}"))
     commands = [[*CPPCHECK, *files], [*CLANG_TIDY, *files, "--", *AVR]]
     said = ""
     for command in commands:

@@ -11,7 +11,13 @@ HERE = Path(__file__).resolve().parent
 CORE = HERE.parents[1] / "build" / "pio-core"
 
 # Versions that platformio.ini, the platform and PlatformIO itself ask for.
-TOOLS = {"toolchain-atmelavr": "1.50400.190710", "tool-scons": "4.41101.0", "tool-avrdude": "1.70100.0"}
+TOOLS = {
+    "toolchain-atmelavr": "1.50400.190710",
+    "tool-scons": "4.41101.0",
+    "tool-avrdude": "1.70100.0",
+    "tool-cppcheck": "1.21100.0",
+}
+PLATFORMS = ("atmelavr", "native")
 
 SCONS_LAUNCHER = "import SCons.Script\nSCons.Script.main()\n"
 
@@ -34,10 +40,14 @@ def make_core(core: Path = CORE) -> Path:
         _mark_installed(folder, "tool", name, version)
     (core / "packages/tool-scons/scons.py").write_text(SCONS_LAUNCHER)
 
-    platform = core / "platforms" / "atmelavr"
-    shutil.copytree(HERE / "platform", platform, ignore=shutil.ignore_patterns("__pycache__"))
-    version = json.loads((platform / "platform.json").read_text())["version"]
-    _mark_installed(platform, "platform", "atmelavr", version)
+    if cppcheck := shutil.which("cppcheck"):
+        (core / "packages/tool-cppcheck/cppcheck").symlink_to(cppcheck)
+
+    for name in PLATFORMS:
+        platform = core / "platforms" / name
+        shutil.copytree(HERE / name, platform, ignore=shutil.ignore_patterns("__pycache__"))
+        version = json.loads((platform / "platform.json").read_text())["version"]
+        _mark_installed(platform, "platform", name, version)
     return core
 
 

@@ -1,4 +1,4 @@
-"""The AVR compiler, PlatformIO and simulator, and what they build, for the tests that need them."""
+"""AVR compiler, PlatformIO, analysers, simulator, and what they build, for the tests that need them."""
 
 from __future__ import annotations
 
@@ -18,30 +18,61 @@ sys.path.insert(0, str(ROOT / "tools"))
 import build_firmware  # noqa: E402
 import build_rig  # noqa: E402
 
+sys.path.insert(0, str(ROOT / "tools/pio_offline"))
+import make_core  # noqa: E402
 
-def _missing() -> list[str]:
-    """Names of the tools that are not here."""
-    programs = [name for name in ("avr-gcc", "avrdude") if shutil.which(name) is None]
-    files = {
-        "avr-libc": Path("/usr/lib/avr/include/avr/io.h"),
-        "libsimavr-dev": Path("/usr/include/simavr/sim_avr.h"),
-        "libelf-dev": Path("/usr/include/libelf.h"),
-        "PlatformIO": ROOT / "build/pio-venv/bin/pio",
-    }
-    return programs + [name for name, path in files.items() if not path.exists()]
+RunPio = Callable[..., "subprocess.CompletedProcess[str]"]
+
+
+BUILDING = {
+    "avr-gcc": Path("/usr/bin/avr-gcc"),
+    "avr-libc": Path("/usr/lib/avr/include/avr/io.h"),
+    "libsimavr-dev": Path("/usr/include/simavr/sim_avr.h"),
+    "libelf-dev": Path("/usr/include/libelf.h"),
+    "PlatformIO": ROOT / "build/pio-venv/bin/pio",
+}
+CHECKING = {
+    "cppcheck": Path("/usr/bin/cppcheck"),
+    "clang-tidy": Path("/usr/bin/clang-tidy"),
+    "cmocka": Path("/usr/include/cmocka.h"),
+}
+UPLOADING = {
+    "avrdude": Path("/usr/bin/avrdude"),
+    "Arduino's bootloaders": ROOT / "build/bootloaders/optiboot_atmega328.hex",
+}
+
+
+def _need(wanted: dict[str, Path]) -> None:
+    """Skips where tools are missing; in CI fetches them, and fails if that fails."""
+
+    def missing() -> list[str]:
+        return [name for name, path in wanted.items() if not path.exists() and not shutil.which(path.name)]
+
+    if not missing():
+        return
+    if os.environ.get("CI", "").lower() not in ("1", "true"):
+        pytest.skip(f"not on this machine: {', '.join(missing())}; run tools/setup_avr")
+    done = subprocess.run([ROOT / "tools/setup_avr"], capture_output=True, text=True)
+    if done.returncode or missing():
+        pytest.fail(f"tools/setup_avr failed: {done.stdout}{done.stderr}", pytrace=False)
 
 
 @pytest.fixture(scope="session")
 def avr_tools() -> None:
-    """Skips where the tools are missing; in CI fetches them, and fails if that fails."""
-    missing = _missing()
-    if not missing:
-        return
-    if os.environ.get("CI", "").lower() not in ("1", "true"):
-        pytest.skip(f"not on this machine: {', '.join(missing)}; run tools/setup_avr")
-    done = subprocess.run([ROOT / "tools/setup_avr"], capture_output=True, text=True)
-    if done.returncode or _missing():
-        pytest.fail(f"tools/setup_avr failed: {done.stdout}{done.stderr}", pytrace=False)
+    """What building and simulating needs."""
+    _need(BUILDING)
+
+
+@pytest.fixture(scope="session")
+def checking_tools(avr_tools: None) -> None:
+    """What static analysis needs, and the C specifications."""
+    _need(CHECKING)
+
+
+@pytest.fixture(scope="session")
+def uploading_tools(avr_tools: None) -> None:
+    """What an upload needs, and what it is tested on."""
+    _need(UPLOADING)
 
 
 @pytest.fixture(scope="session")
@@ -52,6 +83,29 @@ def built(avr_tools: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
         build_firmware.build(name, options, folder)
     build_rig.build(folder / "librig.so")
     return folder
+
+
+@pytest.fixture(scope="session")
+def pio(avr_tools: None, tmp_path_factory: pytest.TempPathFactory) -> RunPio:
+    """Runs PlatformIO on a project without a network, in a folder that it may fill; returns what it did."""
+    core = make_core.make_core(tmp_path_factory.mktemp("core"))
+    # Where this machine allows it, in a network of nobody but itself.
+    alone = ["unshare", "--map-root-user", "--net"]
+    lonely = subprocess.run([*alone, "true"], capture_output=True).returncode == 0
+    settings = {
+        "PLATFORMIO_CORE_DIR": str(core),
+        "PLATFORMIO_SETTING_ENABLE_TELEMETRY": "no",
+        "PLATFORMIO_SETTING_CHECK_PLATFORMIO_INTERVAL": "100000",
+        "HTTP_PROXY": "http://127.0.0.1:9",
+        "HTTPS_PROXY": "http://127.0.0.1:9",
+    }
+
+    def run(workspace: Path, *arguments: str | Path) -> subprocess.CompletedProcess[str]:
+        command = [*(alone if lonely else []), ROOT / "build/pio-venv/bin/pio", *arguments]
+        environment = os.environ | settings | {"PLATFORMIO_WORKSPACE_DIR": str(workspace)}
+        return subprocess.run(command, capture_output=True, text=True, env=environment, timeout=240)
+
+    return run
 
 
 @pytest.fixture
