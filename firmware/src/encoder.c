@@ -13,9 +13,14 @@ void encoder_init(struct encoder *encoder, const struct encoder_edges *edges, ui
     *encoder = (struct encoder){
         .edge_age_us = ENCODER_NO_EDGE_US,
         .seen = *edges,
-        .scale = (uint32_t)um_per_count * 16000u,
-        .um_per_count = um_per_count,
     };
+    encoder_rescale(encoder, um_per_count);
+}
+
+void encoder_rescale(struct encoder *encoder, uint16_t um_per_count)
+{
+    encoder->um_per_count = um_per_count;
+    encoder->scale = (uint32_t)um_per_count * 16000u;
     uint32_t span = UINT32_MAX / encoder->scale;
     encoder->span_max = span > UINT16_MAX ? UINT16_MAX : (uint16_t)span;
 }

@@ -81,6 +81,9 @@ static inline void encoder_edge(struct encoder_edges *edges, uint8_t pins, uint1
 // Start at zero. um_per_count: travel of the wheel's rim in one count, 1 to 40000 micrometres.
 void encoder_init(struct encoder *encoder, const struct encoder_edges *edges, uint16_t um_per_count);
 
+// The same wheel with another size of count, from now on: nothing else is forgotten.
+void encoder_rescale(struct encoder *encoder, uint16_t um_per_count);
+
 // Take in what the interrupt half recorded. `edges` is a copy made with interrupts off at about now_us.
 //
 // Speed is distance over time between the newest edge and the latest earlier edge of the same phase and

@@ -13,6 +13,7 @@
 
 #define PROTOCOL_VERSION 1u // of framing, checksum and handshake
 #define SCHEMA_HASH UINT32_C(0x88FADA8C) // of every message and enumeration below
+#define PARAMS_VERSION UINT32_C(0x85AB4084) // of the list of parameters, kept with them in EEPROM
 #define LINK_BAUD UINT32_C(250000) // exact on a 16 MHz ATmega328P
 #define DEAD_MAN_US UINT32_C(200000) // a setpoint holds no longer, whatever its DRIVE says
 #define DRIVE_AHEAD_MAX_US UINT32_C(500000) // refuse a DRIVE whose deadline is further ahead

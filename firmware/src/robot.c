@@ -1,6 +1,7 @@
 // The whole firmware above the hardware: messages to actions, and the tick from encoders to motors.
 #include "robot.h" // this file's manual
 
+#include "flash.h"    // IN_FLASH
 #include "messages.h" // what the bytes of each message mean
 
 // Names the sources this was built from; the build sets it, 0 means that nobody did.
@@ -14,24 +15,7 @@ _Static_assert(LINK_STATUS_PERIOD_US % ROBOT_TICK_US == 0, "link status leaves o
 
 #define TELEMETRY_TICKS (TELEMETRY_PERIOD_US / ROBOT_TICK_US)
 #define LINK_STATUS_TICKS (LINK_STATUS_PERIOD_US / ROBOT_TICK_US)
-
-// A 6 V gear motor on two lithium cells: starts at 8 % duty, 0.7 m/s at full duty. Proportional is half the
-// slope of that, its integral time 0.2 s. The integral's limit makes up for unequal motors and a low battery
-// and no more, for it is also how far a wheel runs away when its encoder breaks.
-#define GEAR_MOTOR                                                                         \
-    {                                                                                      \
-        .static_duty = 2600, .velocity_q8 = 690, .proportional_q8 = 345,                   \
-        .integral_q12 = 140, .integral_limit = 8000, .duty_limit = MOTOR_DUTY_FULL,        \
-    }
-
-const struct robot_params robot_params_default = {
-    .um_per_count = 5000,
-    .track_um = 150000,
-    .battery_min_mv = 6400,
-    .wheel_speed_q4 = 600 * 16,
-    .wheel_step_q4 = 80, // 1 m/s^2
-    .gains = {GEAR_MOTOR, GEAR_MOTOR},
-};
+#define TICKS_PER_S ((int32_t)(1000000 / ROBOT_TICK_US))
 
 // --- Out to the line -------------------------------------------------------------------------------
 
@@ -76,6 +60,14 @@ static void send_nack(struct robot *robot, uint8_t message, uint8_t seq, uint8_t
     send(robot, MSG_NACK, payload, sizeof payload);
 }
 
+static void send_param(struct robot *robot, uint8_t param)
+{
+    struct msg_param_value told = {.param = param, .value = params_get(&robot->params, param)};
+    uint8_t payload[MSG_PARAM_VALUE_SIZE];
+    msg_param_value_encode(&told, payload);
+    send(robot, MSG_PARAM_VALUE, payload, sizeof payload);
+}
+
 static int16_t permille(int16_t duty)
 {
     return (int16_t)((int32_t)duty * 1000 / MOTOR_DUTY_FULL);
@@ -108,6 +100,9 @@ static void send_telemetry(struct robot *robot, uint32_t now_us)
         .drive_seq = robot->drive_seq,
         .direction_left = left->direction,
         .direction_right = right->direction,
+        .request = robot->requests.last,
+        .outcome = robot->requests.outcome,
+        .reason = robot->requests.reason,
     };
     uint8_t payload[MSG_TELEMETRY_SIZE];
     msg_telemetry_encode(&telemetry, payload);
@@ -126,21 +121,95 @@ static void send_link_status(struct robot *robot)
 
 static void motors_off(struct robot *robot)
 {
+    bool coast = supervisor_coasts(&robot->supervisor);
     drive_release(&robot->drive);
+    move_pause(&robot->move);
     for (uint8_t side = 0; side < DRIVE_SIDES; side++) {
         motor_release(&robot->motors[side]);
-        hal_motor_set(robot->hal, side, 0);
+        if (coast)
+            hal_motor_coast(robot->hal, side);
+        else
+            hal_motor_set(robot->hal, side, 0);
     }
 }
 
-static void motors_follow(struct robot *robot)
+static void motors_follow(struct robot *robot, const int16_t setpoint_q4[DRIVE_SIDES])
 {
-    drive_update(&robot->drive);
     for (uint8_t side = 0; side < DRIVE_SIDES; side++) {
-        int16_t duty = motor_update(&robot->motors[side], robot->drive.setpoint_q4[side],
+        int16_t duty = motor_update(&robot->motors[side], setpoint_q4[side],
                                     robot->encoders[side].speed_q4, robot->battery_mv);
         hal_motor_set(robot->hal, side, duty);
     }
+}
+
+static void drive_on(struct robot *robot)
+{
+    drive_update(&robot->drive);
+    motors_follow(robot, robot->drive.setpoint_q4);
+}
+
+static void move_on(struct robot *robot)
+{
+    int16_t setpoint_q4[DRIVE_SIDES];
+    if (!move_update(&robot->move, encoder_travel_um(&robot->encoders[DRIVE_LEFT]),
+                     encoder_travel_um(&robot->encoders[DRIVE_RIGHT]), setpoint_q4)) {
+        motors_follow(robot, setpoint_q4);
+        return;
+    }
+    requests_end(&robot->requests, MSG_MOVE, OUTCOME_DONE, REFUSED_NONE);
+    supervisor_move_ended(&robot->supervisor);
+    motors_off(robot);
+}
+
+// --- Parameters ------------------------------------------------------------------------------------
+
+static int16_t get16(const struct robot *robot, uint8_t param)
+{
+    return (int16_t)params_get(&robot->params, param);
+}
+
+static void set_up_motor(struct robot *robot, uint8_t side)
+{
+    struct motor_gains gains = {
+        .static_duty = get16(robot, (uint8_t)(PARAM_STATIC_DUTY_LEFT + side)),
+        .velocity_q8 = get16(robot, (uint8_t)(PARAM_VELOCITY_Q8_LEFT + side)),
+        .acceleration_q8 = get16(robot, PARAM_ACCELERATION_Q8),
+        .proportional_q8 = get16(robot, PARAM_PROPORTIONAL_Q8),
+        .integral_q12 = get16(robot, PARAM_INTEGRAL_Q12),
+        .integral_limit = get16(robot, PARAM_INTEGRAL_LIMIT),
+        .duty_limit = MOTOR_DUTY_FULL,
+        .battery_full_mv = (uint16_t)params_get(&robot->params, PARAM_BATTERY_FULL_MV),
+    };
+    motor_init(&robot->motors[side], &gains);
+}
+
+// The robot stands; wheels' counts go on, everything else begins anew.
+static void apply_params(struct robot *robot)
+{
+    const struct params *params = &robot->params;
+    struct drive_limits limits = {
+        .track_um = params_get(params, PARAM_TRACK_UM),
+        .speed_q4 = (int16_t)(params_get(params, PARAM_SPEED_MAX_MM_S) * 16),
+        .step_q4 = (int16_t)(params_get(params, PARAM_ACCELERATION_MM_S2) * 16 / TICKS_PER_S),
+    };
+    drive_init(&robot->drive, &limits);
+    uint16_t um_per_count[DRIVE_SIDES];
+    for (uint8_t side = 0; side < DRIVE_SIDES; side++) {
+        set_up_motor(robot, side);
+        um_per_count[side] = (uint16_t)params_get(params, (uint8_t)(PARAM_UM_PER_COUNT_LEFT + side));
+        encoder_rescale(&robot->encoders[side], um_per_count[side]);
+    }
+    watch_init(&robot->watch, um_per_count[DRIVE_LEFT], um_per_count[DRIVE_RIGHT]);
+    supervisor_watch_battery(&robot->supervisor, (uint16_t)params_get(params, PARAM_BATTERY_MIN_MV));
+}
+
+static void save_on(struct robot *robot)
+{
+    uint8_t saving = params_tick(&robot->params);
+    if (saving == PARAMS_SAVED)
+        requests_end(&robot->requests, MSG_PARAM_SAVE, OUTCOME_DONE, REFUSED_NONE);
+    else if (saving == PARAMS_NOT_STORED)
+        requests_end(&robot->requests, MSG_PARAM_SAVE, OUTCOME_ABORTED, REFUSED_NOT_STORED);
 }
 
 // --- In from the line ------------------------------------------------------------------------------
@@ -181,15 +250,158 @@ static uint8_t obey_clear(struct robot *robot, const uint8_t *payload)
     return supervisor_clear(&robot->supervisor, clear.boot_nonce);
 }
 
+static uint8_t obey_stop(struct robot *robot, const uint8_t *payload)
+{
+    struct msg_stop stop;
+    msg_stop_decode(&stop, payload);
+    supervisor_stop(&robot->supervisor, stop.how);
+    return 0;
+}
+
+static uint8_t obey_keep_alive(struct robot *robot, const uint8_t *payload)
+{
+    struct msg_keep_alive alive;
+    msg_keep_alive_decode(&alive, payload);
+    return supervisor_keep_alive(&robot->supervisor, robot->byte_us, alive.expires_us);
+}
+
+static uint8_t obey_param_read(struct robot *robot, const uint8_t *payload)
+{
+    struct msg_param_read read;
+    msg_param_read_decode(&read, payload);
+    if (!supervisor_in_session(&robot->supervisor))
+        return REFUSED_NO_SESSION;
+    if (read.param >= PARAM_COUNT)
+        return REFUSED_BAD_VALUE;
+    send_param(robot, read.param);
+    return 0;
+}
+
+// --- Requests --------------------------------------------------------------------------------------
+
+// Why a request may not even be looked at; 0 when it may.
+static uint8_t request_refusal(const struct robot *robot, uint32_t boot_nonce, uint16_t number)
+{
+    if (boot_nonce != robot->supervisor.boot_nonce)
+        return REFUSED_BAD_NONCE;
+    if (!supervisor_in_session(&robot->supervisor))
+        return REFUSED_NO_SESSION;
+    return requests_refusal(&robot->requests, number);
+}
+
+static uint8_t begin_move(struct robot *robot, uint16_t speed, uint32_t expires_us)
+{
+    if (speed == 0)
+        return REFUSED_BAD_VALUE;
+    if (params_saving(&robot->params))
+        return REFUSED_BUSY;
+    return supervisor_move(&robot->supervisor, robot->byte_us, expires_us);
+}
+
+static uint8_t obey_move(struct robot *robot, const uint8_t *payload)
+{
+    struct msg_move move;
+    msg_move_decode(&move, payload);
+    uint8_t refusal = request_refusal(robot, move.boot_nonce, move.request);
+    if (refusal != 0 || requests_repeats(&robot->requests, move.request))
+        return refusal;
+    refusal = begin_move(robot, move.speed_mm_s, move.expires_us);
+    if (refusal == 0)
+        move_begin_straight(&robot->move, &robot->drive.limits, move.distance_mm, move.speed_mm_s,
+                            encoder_travel_um(&robot->encoders[DRIVE_LEFT]),
+                            encoder_travel_um(&robot->encoders[DRIVE_RIGHT]));
+    return requests_take(&robot->requests, MSG_MOVE, move.request, refusal, true);
+}
+
+static uint8_t obey_turn(struct robot *robot, const uint8_t *payload)
+{
+    struct msg_turn turn;
+    msg_turn_decode(&turn, payload);
+    uint8_t refusal = request_refusal(robot, turn.boot_nonce, turn.request);
+    if (refusal != 0 || requests_repeats(&robot->requests, turn.request))
+        return refusal;
+    refusal = begin_move(robot, turn.rate_mrad_s, turn.expires_us);
+    if (refusal == 0)
+        move_begin_turn(&robot->move, &robot->drive.limits, turn.angle_mrad, turn.rate_mrad_s,
+                        encoder_travel_um(&robot->encoders[DRIVE_LEFT]),
+                        encoder_travel_um(&robot->encoders[DRIVE_RIGHT]));
+    return requests_take(&robot->requests, MSG_MOVE, turn.request, refusal, true);
+}
+
+// May parameters change now?
+static uint8_t params_refusal(const struct robot *robot)
+{
+    if (params_saving(&robot->params))
+        return REFUSED_BUSY;
+    return supervisor_stands(&robot->supervisor) ? 0 : REFUSED_NOT_STANDING;
+}
+
+static uint8_t obey_param_write(struct robot *robot, const uint8_t *payload)
+{
+    struct msg_param_write write;
+    msg_param_write_decode(&write, payload);
+    uint8_t refusal = request_refusal(robot, write.boot_nonce, write.request);
+    if (refusal != 0)
+        return refusal;
+    if (!requests_repeats(&robot->requests, write.request)) {
+        refusal = params_refusal(robot);
+        if (refusal == 0 && !params_set(&robot->params, write.param, write.value))
+            refusal = REFUSED_BAD_VALUE;
+        if (refusal == 0)
+            apply_params(robot);
+        requests_take(&robot->requests, MSG_PARAM_WRITE, write.request, refusal, false);
+    }
+    if (robot->requests.outcome == OUTCOME_DONE && write.param < PARAM_COUNT)
+        send_param(robot, write.param);
+    return refusal;
+}
+
+static uint8_t obey_param_save(struct robot *robot, const uint8_t *payload)
+{
+    struct msg_param_save save;
+    msg_param_save_decode(&save, payload);
+    uint8_t refusal = request_refusal(robot, save.boot_nonce, save.request);
+    if (refusal != 0 || requests_repeats(&robot->requests, save.request))
+        return refusal;
+    refusal = params_refusal(robot);
+    if (refusal == 0)
+        params_save(&robot->params);
+    return requests_take(&robot->requests, MSG_PARAM_SAVE, save.request, refusal, true);
+}
+
+// A move whose end was not its own: say why.
+static void end_move(struct robot *robot)
+{
+    static const IN_FLASH uint8_t reason_by_state[] = {
+        [STATE_BOOT] = REFUSED_NO_SESSION,
+        [STATE_READY] = REFUSED_BY_STOP,
+        [STATE_DRIVING] = REFUSED_BY_DRIVE,
+        [STATE_MOVING] = REFUSED_NONE,
+        [STATE_STOPPED] = REFUSED_BY_STOP,
+        [STATE_FAULT] = REFUSED_BY_FAULT,
+    };
+    uint8_t state = robot->supervisor.state;
+    if (state != STATE_MOVING)
+        requests_end(&robot->requests, MSG_MOVE, OUTCOME_ABORTED, reason_by_state[state]);
+}
+
+// --- Any message -----------------------------------------------------------------------------------
+
 static uint8_t obey(struct robot *robot, uint8_t id, uint8_t seq, const uint8_t *payload)
 {
     switch (id) {
     case MSG_HELLO_REQUEST: return obey_hello_request(robot, payload);
     case MSG_PING: return obey_ping(robot, payload);
     case MSG_DRIVE: return obey_drive(robot, seq, payload);
-    case MSG_STOP: supervisor_stop(&robot->supervisor); return 0;
+    case MSG_STOP: return obey_stop(robot, payload);
     case MSG_ESTOP: supervisor_estop(&robot->supervisor); return 0;
     case MSG_CLEAR: return obey_clear(robot, payload);
+    case MSG_MOVE: return obey_move(robot, payload);
+    case MSG_TURN: return obey_turn(robot, payload);
+    case MSG_KEEP_ALIVE: return obey_keep_alive(robot, payload);
+    case MSG_PARAM_READ: return obey_param_read(robot, payload);
+    case MSG_PARAM_WRITE: return obey_param_write(robot, payload);
+    case MSG_PARAM_SAVE: return obey_param_save(robot, payload);
     default: return 0; // the link hands on nothing else
     }
 }
@@ -200,6 +412,7 @@ static void handle_message(void *context, uint8_t id, uint8_t seq, const uint8_t
     uint8_t refusal = obey(robot, id, seq, payload);
     if (!supervisor_may_run(&robot->supervisor))
         motors_off(robot); // before anything that takes time
+    end_move(robot);
     if (refusal != 0)
         send_nack(robot, id, seq, refusal);
 }
@@ -212,26 +425,22 @@ void robot_receive_byte(struct robot *robot, uint8_t byte, uint32_t now_us)
 
 // --- Start and tick --------------------------------------------------------------------------------
 
-void robot_init(struct robot *robot, struct hal *hal, const struct robot_params *params)
+void robot_init(struct robot *robot, struct hal *hal)
 {
     *robot = (struct robot){
         .hal = hal,
         .telemetry_in = TELEMETRY_TICKS,
         .link_status_in = LINK_STATUS_TICKS,
     };
-    struct drive_limits limits = {
-        .track_um = params->track_um,
-        .speed_q4 = params->wheel_speed_q4,
-        .step_q4 = params->wheel_step_q4,
-    };
-    drive_init(&robot->drive, &limits);
+    for (uint8_t side = 0; side < DRIVE_SIDES; side++)
+        hal_motor_set(hal, side, 0); // before the EEPROM is read
+    params_init(&robot->params, hal);
     for (uint8_t side = 0; side < DRIVE_SIDES; side++) {
-        motor_init(&robot->motors[side], &params->gains[side]);
         encoder_edges_init(&robot->edges[side], hal_encoder_pins(hal, side));
-        encoder_init(&robot->encoders[side], &robot->edges[side], params->um_per_count);
+        encoder_init(&robot->encoders[side], &robot->edges[side], 1);
     }
-    motors_off(robot);
-    supervisor_init(&robot->supervisor, hal_boot_nonce(hal), params->battery_min_mv);
+    supervisor_init(&robot->supervisor, hal_boot_nonce(hal), hal_reset_cause(hal));
+    apply_params(robot);
     link_init(&robot->link, handle_message, put_byte, robot);
     send_hello(robot);
 }
@@ -247,6 +456,20 @@ static void sense_wheels(struct robot *robot, uint32_t now_us)
         encoder_update(&robot->encoders[side], &edges[side], now_us);
 }
 
+static uint8_t watch_wheels(struct robot *robot)
+{
+    struct watch_wheel wheels[DRIVE_SIDES];
+    for (uint8_t side = 0; side < DRIVE_SIDES; side++) {
+        wheels[side] = (struct watch_wheel){
+            .setpoint_q4 = robot->motors[side].setpoint_q4,
+            .duty = robot->motors[side].duty,
+            .count = robot->encoders[side].count,
+            .speed_q4 = robot->encoders[side].speed_q4,
+        };
+    }
+    return watch_update(&robot->watch, wheels);
+}
+
 void robot_control(struct robot *robot, uint32_t now_us)
 {
     sense_wheels(robot, now_us);
@@ -255,12 +478,17 @@ void robot_control(struct robot *robot, uint32_t now_us)
         .battery_mv = robot->battery_mv,
         .estop_pressed = hal_estop_pressed(robot->hal),
         .wheels_still = (robot->encoders[DRIVE_LEFT].speed_q4 | robot->encoders[DRIVE_RIGHT].speed_q4) == 0,
+        .wheels = watch_wheels(robot),
     };
     supervisor_tick(&robot->supervisor, now_us, &senses);
-    if (supervisor_may_run(&robot->supervisor))
-        motors_follow(robot);
-    else
+    if (!supervisor_may_run(&robot->supervisor))
         motors_off(robot);
+    else if (robot->supervisor.state == STATE_MOVING)
+        move_on(robot);
+    else
+        drive_on(robot);
+    end_move(robot);
+    save_on(robot);
 }
 
 void robot_report(struct robot *robot, uint32_t now_us)

@@ -13,21 +13,13 @@
 #include "hal.h"        // struct hal
 #include "link.h"       // frames
 #include "motor.h"      // wheel control
+#include "move.h"       // moves of known length
+#include "params.h"     // what differs between robots
+#include "requests.h"   // exactly once
 #include "supervisor.h" // permission
+#include "watch.h"      // are the wheels what they should be
 
 #define ROBOT_TICK_US 5000u // 200 Hz
-
-// What differs between robots.
-struct robot_params {
-    uint16_t um_per_count;   // travel of a wheel's rim in one encoder count
-    int32_t track_um;        // between the wheels
-    uint16_t battery_min_mv; // 0: not watched
-    int16_t wheel_speed_q4;  // fastest a wheel may be asked to go, sixteenths of mm/s
-    int16_t wheel_step_q4;   // most a wheel's setpoint may change in one tick
-    struct motor_gains gains[DRIVE_SIDES];
-};
-
-extern const struct robot_params robot_params_default;
 
 struct robot {
     struct hal *hal;
@@ -35,7 +27,11 @@ struct robot {
     struct encoder encoders[DRIVE_SIDES];
     struct motor motors[DRIVE_SIDES];
     struct drive drive;
+    struct move move; // while MOVING
+    struct watch watch;
     struct supervisor supervisor;
+    struct params params;
+    struct requests requests;
     struct link link;
     uint16_t battery_mv;    // at the last tick
     uint32_t byte_us;       // when the byte now being handled came
@@ -44,8 +40,9 @@ struct robot {
     uint8_t link_status_in; // ticks until the next LINK_STATUS
 };
 
-// Motors off, counters zero, encoders as their pins are; HELLO is sent. Encoder interrupts come after this.
-void robot_init(struct robot *robot, struct hal *hal, const struct robot_params *params);
+// Motors off, counters zero, encoders as their pins are, parameters as the EEPROM has them; HELLO is sent.
+// Encoder interrupts come after this.
+void robot_init(struct robot *robot, struct hal *hal);
 
 // An encoder pin may have changed. stamp: the robot's clock in ENCODER_STAMP_US, low 16 bits.
 static inline void robot_encoder_edge(struct robot *robot, uint8_t side, uint8_t pins, uint16_t stamp)

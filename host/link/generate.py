@@ -34,6 +34,7 @@ ENUM_PREFIXES = {
 CONSTANTS = {
     "PROTOCOL_VERSION": (protocol.PROTOCOL_VERSION, "of framing, checksum and handshake"),
     "SCHEMA_HASH": (protocol.SCHEMA_HASH, "of every message and enumeration below"),
+    "PARAMS_VERSION": (protocol.PARAMS_VERSION, "of the list of parameters, kept with them in EEPROM"),
     "LINK_BAUD": (protocol.BAUD, "exact on a 16 MHz ATmega328P"),
     "DEAD_MAN_US": (protocol.DEAD_MAN_US, "a setpoint holds no longer, whatever its DRIVE says"),
     "DRIVE_AHEAD_MAX_US": (protocol.DRIVE_AHEAD_MAX_US, "refuse a DRIVE whose deadline is further ahead"),
@@ -45,6 +46,7 @@ CONSTANTS = {
     "LINK_RAW_MAX_TO_HOST": (protocol.RAW_MAX_TO_HOST, "longest frame before COBS"),
     "NO_EDGE_US": (protocol.NO_EDGE_US, "edge age of a wheel that has not turned"),
 }
+HASHES = ("SCHEMA_HASH", "PARAMS_VERSION")  # written in hexadecimal
 
 # --- Names --------------------------------------------------------------------------------------
 
@@ -205,7 +207,7 @@ def header() -> str:
     """All of messages.h."""
     parts = [HEADER_TOP]
     for name, (value, meaning) in CONSTANTS.items():
-        number = f"0x{value:08X}" if name == "SCHEMA_HASH" else str(value)
+        number = f"0x{value:08X}" if name in HASHES else str(value)
         number = f"UINT32_C({number})" if value > 0xFFFF else f"{number}u"
         parts.append(f"#define {name} {number} // {meaning}\n")
     parts[1] = "\n" + parts[1]
@@ -249,7 +251,7 @@ def _meaning(field: protocol.Field) -> str:
 def tables() -> dict[str, str]:
     """The generated passages of docs/protocol.md, by the name of their marker."""
     constants = [
-        [name, f"0x{value:08X}" if name == "SCHEMA_HASH" else str(value), meaning]
+        [name, f"0x{value:08X}" if name in HASHES else str(value), meaning]
         for name, (value, meaning) in CONSTANTS.items()
     ]
     enumerations = [

@@ -437,12 +437,19 @@ def schema_text() -> str:
     for layout in sorted(LAYOUTS.values(), key=lambda layout: layout.id):
         parts = [f"{field.name}:{field.wire.name}" for field in layout.fields]
         lines.append(" ".join([f"message {layout.id:#04x} {layout.type.__name__}", *parts]))
-    for param, (default, lowest, highest, _) in PARAMETERS.items():
-        lines.append(f"param {param.name} default={default} lowest={lowest} highest={highest}")
-    return "\n".join(lines) + "\n"
+    return "\n".join(lines) + "\n" + parameters_text()
+
+
+def parameters_text() -> str:
+    """The part of `schema_text` that says what an EEPROM written by one firmware means to another."""
+    return "".join(
+        f"param {param.name} default={default} lowest={lowest} highest={highest}\n"
+        for param, (default, lowest, highest, _) in PARAMETERS.items()
+    )
 
 
 SCHEMA_HASH = crc32c(schema_text().encode())
+PARAMS_VERSION = crc32c(parameters_text().encode())
 
 # --- Frames: COBS(id, seq, payload, CRC-32C), 0x00 ----------------------------------------------
 

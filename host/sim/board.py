@@ -27,16 +27,14 @@ class Board:
     ----------
     seed
         Decides the boot nonces, nothing else.
-    um_per_count
-        Travel of a wheel's rim in one encoder count, in micrometres, as the firmware is to believe it.
-    track_mm
-        Distance between the wheels, in mm, as the firmware is to believe it.
+    eeprom
+        What the EEPROM holds, at most 1024 bytes; the rest is erased. ``host.sim.eeprom.image`` makes it.
     """
 
-    def __init__(self, seed: int = 0, *, um_per_count: int = 5000, track_mm: int = 150) -> None:
-        if not 1 <= um_per_count <= 40_000:
-            raise ValueError(f"um_per_count must be 1 to 40000, not {um_per_count}")
-        self._board = _board.Board(seed=seed, um_per_count=um_per_count, track_mm=track_mm)
+    def __init__(self, seed: int = 0, eeprom: bytes = b"") -> None:
+        if len(eeprom) > _board.EEPROM_BYTES:
+            raise ValueError(f"the EEPROM holds {_board.EEPROM_BYTES} bytes, not {len(eeprom)}")
+        self._board = _board.Board(seed=seed, eeprom=eeprom)
 
     # --- Time -----------------------------------------------------------------------------------
 
@@ -88,8 +86,12 @@ class Board:
         self._board.set_encoder_pins(side, bool(a), bool(b), at_us)
 
     def duty(self, side: Side) -> float:
-        """Voltage on one motor as a fraction of the battery's, -1 to 1; 0 shorts the motor, which brakes."""
+        """Voltage on one motor as a fraction of the battery's, -1 to 1; 0 shorts it, which brakes, or opens it."""
         return self._board.duty(side) / _board.DUTY_FULL
+
+    def coasting(self, side: Side) -> bool:
+        """Whether the motor is open, so that its wheel rolls freely."""
+        return self._board.coasting(side)
 
     # --- Surroundings ---------------------------------------------------------------------------
 
@@ -101,6 +103,11 @@ class Board:
         """Press or release the emergency stop button."""
         self._board.press_estop(pressed)
 
+    @property
+    def eeprom(self) -> bytes:
+        """All 1024 bytes as they are now."""
+        return self._board.eeprom
+
     def reset(self, cause: ResetCause = ResetCause.EXTERNAL) -> None:
         """Restart the firmware: its state is lost, its clock starts at 0, and it has another boot nonce."""
         self._board.reset(cause)
@@ -108,7 +115,8 @@ class Board:
     def hang(self, us: int) -> None:
         """Keep the main loop from running for `us` microseconds from now; interrupts still come.
 
-        Motors keep their duty, ticks are missed, and received bytes beyond 64 are lost and counted.
+        Motors keep their duty, ticks are missed, and received bytes beyond 64 are lost and counted. 60 ms after
+        the last tick the watchdog ends it: a reset, which turns the motors off.
         """
         self._board.hang(us)
 

@@ -10,12 +10,14 @@ import numpy as np
 from host.camera.frame import Frame
 from host.camera.lens import Lens
 from host.errors import DeviceError
+from host.link.parameters import Param
 from host.pose import Pose
 from host.sim.avr.board import AvrBoard
 from host.sim.board import Board, Line
 from host.sim.body import Body, BodyModel
+from host.sim.eeprom import image
 from host.sim.render import Renderer, Webcam, WebcamModel
-from host.sim.scenes import world_from_uri
+from host.sim.scenes import webcam_from_uri, world_from_uri
 
 FRAMES_PER_S = 15.0
 BANDS = 12  # of rows exposed at one moment each, where rows are read out one after another
@@ -104,6 +106,16 @@ class SimulatedCamera:
         return self._time_us(seq) + round(late_s * 1e6)
 
 
+def believed(body: BodyModel) -> bytes:
+    """The EEPROM of a board whose maker has measured wheels and track, and believes the result."""
+    um_per_count = round(body.cm_per_count * 1e4)
+    return image({
+        Param.UM_PER_COUNT_LEFT: um_per_count,
+        Param.UM_PER_COUNT_RIGHT: um_per_count,
+        Param.TRACK_UM: round(body.track_cm * 1e4),
+    })  # fmt: skip
+
+
 class Simulation:
     """World, body, board and camera in lock-step; equal calls give equal runs.
 
@@ -149,16 +161,10 @@ class Simulation:
         self.world = world_from_uri(uri)
         self.renderer = Renderer(self.world)
         body = body or BodyModel()
-        if avr:
-            self.board = cast(Board, AvrBoard(self.world.seed))  # alike in all that is used here
-        else:
-            self.board = Board(
-                self.world.seed,
-                um_per_count=round(body.cm_per_count * 1e4),
-                track_mm=round(body.track_cm * 10),
-            )
+        make_board = cast(type[Board], AvrBoard) if avr else Board  # alike in all that is used here
+        self.board = make_board(self.world.seed, eeprom=believed(body))
         self.body = Body(self.world, self.board, body, self.world.seed)
-        self._webcam_model = webcam or WebcamModel()
+        self._webcam_model = webcam or webcam_from_uri(uri)
         self._webcam = Webcam(self._webcam_model, self.world.lens, self.world.seed)
         self.transport = Line(self.board)
         self.clock = SimulatedClock(self._now_us, self._advance_to)

@@ -24,6 +24,14 @@ void hal_motor_set(struct hal *hal, uint8_t side, int16_t duty)
 {
     hal->motor_calls++;
     hal->duty[side] = duty;
+    hal->coasting[side] = false;
+}
+
+void hal_motor_coast(struct hal *hal, uint8_t side)
+{
+    hal->motor_calls++;
+    hal->duty[side] = 0;
+    hal->coasting[side] = true;
 }
 
 uint16_t hal_uart_room(struct hal *hal)
@@ -52,6 +60,30 @@ uint16_t hal_battery_mv(struct hal *hal)
 bool hal_estop_pressed(struct hal *hal)
 {
     return hal->estop_pressed;
+}
+
+bool hal_eeprom_busy(struct hal *hal)
+{
+    if (hal->eeprom_busy > 0)
+        hal->eeprom_busy--;
+    return hal->eeprom_busy > 0;
+}
+
+uint8_t hal_eeprom_read(struct hal *hal, uint16_t address)
+{
+    if (address >= sizeof hal->eeprom || hal->eeprom_busy > 0)
+        abort();
+    return hal->eeprom[address];
+}
+
+void hal_eeprom_write(struct hal *hal, uint16_t address, uint8_t byte)
+{
+    if (address >= sizeof hal->eeprom || hal->eeprom_busy > 0)
+        abort();
+    hal->eeprom_writes++;
+    hal->eeprom_busy = 3;
+    if (!hal->eeprom_stuck)
+        hal->eeprom[address] = byte;
 }
 
 uint8_t hal_reset_cause(struct hal *hal)

@@ -8,6 +8,7 @@
 struct hal {
     uint8_t pins[DRIVE_SIDES];
     int16_t duty[DRIVE_SIDES];
+    bool coasting[DRIVE_SIDES];
     unsigned motor_calls;    // of hal_motor_set()
     unsigned interrupts_off; // depth now
     uint16_t uart_room;      // bytes that may still be put
@@ -18,6 +19,10 @@ struct hal {
     bool estop_pressed;
     uint8_t reset_cause;
     uint32_t boot_nonce;
+    uint8_t eeprom[1024];
+    unsigned eeprom_busy;   // questions to hal_eeprom_busy() until the last write is done
+    unsigned eeprom_writes; // so far
+    bool eeprom_stuck;      // writes change nothing
 };
 
 #endif

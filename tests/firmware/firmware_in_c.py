@@ -34,17 +34,22 @@ DECLARATIONS = """
     int16_t shim_drive_target_q4(struct drive *, uint8_t side);
     int16_t shim_drive_setpoint_q4(struct drive *, uint8_t side);
 
-    struct supervisor *shim_supervisor_new(uint32_t boot_nonce, uint16_t battery_min_mv);
+    struct supervisor *shim_supervisor_new(uint32_t boot_nonce, uint16_t battery_min_mv, uint8_t reset_cause);
     uint8_t supervisor_hello(struct supervisor *, uint8_t protocol_version, uint32_t schema_hash);
     uint8_t supervisor_drive(struct supervisor *, uint32_t now_us, uint32_t expires_us);
-    void supervisor_stop(struct supervisor *);
+    uint8_t supervisor_move(struct supervisor *, uint32_t now_us, uint32_t expires_us);
+    uint8_t supervisor_keep_alive(struct supervisor *, uint32_t now_us, uint32_t expires_us);
+    void supervisor_move_ended(struct supervisor *);
+    void supervisor_stop(struct supervisor *, uint8_t how);
     void supervisor_estop(struct supervisor *);
     uint8_t supervisor_clear(struct supervisor *, uint32_t boot_nonce);
     void shim_supervisor_tick(struct supervisor *, uint32_t now_us, uint16_t battery_mv,
-                              uint8_t estop_pressed, uint8_t wheels_still);
+                              uint8_t estop_pressed, uint8_t wheels_still, uint8_t wheels);
     uint8_t shim_supervisor_state(struct supervisor *);
     uint8_t shim_supervisor_fault(struct supervisor *);
     uint8_t shim_supervisor_may_run(struct supervisor *);
+    uint8_t shim_supervisor_coasts(struct supervisor *);
+    bool supervisor_stands(struct supervisor *);
 
     void free(void *);
 """

@@ -92,17 +92,18 @@ int16_t shim_drive_setpoint_q4(struct drive *drive, uint8_t side)
 
 // --- Supervisor ------------------------------------------------------------------------------------
 
-struct supervisor *shim_supervisor_new(uint32_t boot_nonce, uint16_t battery_min_mv)
+struct supervisor *shim_supervisor_new(uint32_t boot_nonce, uint16_t battery_min_mv, uint8_t reset_cause)
 {
     struct supervisor *supervisor = calloc(1, sizeof *supervisor);
-    supervisor_init(supervisor, boot_nonce, battery_min_mv);
+    supervisor_init(supervisor, boot_nonce, reset_cause);
+    supervisor_watch_battery(supervisor, battery_min_mv);
     return supervisor;
 }
 
 void shim_supervisor_tick(struct supervisor *supervisor, uint32_t now_us, uint16_t battery_mv,
-                          uint8_t estop_pressed, uint8_t wheels_still)
+                          uint8_t estop_pressed, uint8_t wheels_still, uint8_t wheels)
 {
-    struct supervisor_senses senses = {battery_mv, estop_pressed, wheels_still};
+    struct supervisor_senses senses = {battery_mv, estop_pressed, wheels_still, wheels};
     supervisor_tick(supervisor, now_us, &senses);
 }
 
@@ -119,4 +120,9 @@ uint8_t shim_supervisor_fault(struct supervisor *supervisor)
 uint8_t shim_supervisor_may_run(struct supervisor *supervisor)
 {
     return supervisor_may_run(supervisor);
+}
+
+uint8_t shim_supervisor_coasts(struct supervisor *supervisor)
+{
+    return supervisor_coasts(supervisor);
 }

@@ -103,14 +103,14 @@ def test_the_edge_age_told_leads_back_to_the_moment_of_the_edge(bench: Bench) ->
 
 
 @pytest.mark.parametrize("driven_ms", [50, 350, 1000])
-def test_when_the_host_falls_silent_the_motors_are_off_within_200_ms_and_a_tick(driven_ms: int) -> None:
+def test_when_the_host_falls_silent_the_motors_are_off_within_200_ms(driven_ms: int) -> None:
     bench = Bench()
     bench.open_session()
     bench.drive_for_ms(driven_ms - 50, 300)
     bench.tell(bench.drive(300))
-    bench.run_ms(199)
+    bench.run_ms(190)
     assert all(bench.duties)
-    bench.run_ms(7)  # one tick, and the line's delay of the DRIVE
+    bench.run_ms(10)  # the DRIVE, too, took its time to come
     assert bench.duties == OFF
     bench.run_ms(200)
     assert [wheel.speed_mm_s for wheel in bench.wheels] == pytest.approx([0, 0], abs=15)
@@ -191,9 +191,9 @@ def test_a_restart_forgets_the_session_and_shows_itself(bench: Bench) -> None:
 
 
 def test_a_drive_that_waited_out_a_hang_is_too_old_to_obey(bench: Bench) -> None:
-    bench.board.hang(300_000)
-    bench.tell(bench.drive(300))
-    bench.run_ms(320)
+    bench.board.hang(40_000)
+    bench.tell(bench.drive(300, hold_ms=30))
+    bench.run_ms(50)
     assert bench.duties == OFF
     assert [message.reason for message in bench.hear() if isinstance(message, Nack)] == [Refusal.EXPIRED]
 
@@ -322,8 +322,8 @@ def test_what_cannot_be_is_refused() -> None:
         board.set_encoder_pins(Side.LEFT, True, False, 999)
     with pytest.raises(ValueError, match="time does not go back"):
         board.step(-1)
-    with pytest.raises(ValueError, match="um_per_count"):
-        Board(um_per_count=0)
+    with pytest.raises(ValueError, match="1024 bytes"):
+        Board(eeprom=bytes(1025))
 
 
 # --- The host's own client on it ----------------------------------------------------------------

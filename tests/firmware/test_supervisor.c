@@ -20,7 +20,8 @@ static struct {
 static int fresh(void **state)
 {
     (void)state;
-    supervisor_init(&rig.supervisor, NONCE, 6400);
+    supervisor_init(&rig.supervisor, NONCE, RESET_POWER_ON);
+    supervisor_watch_battery(&rig.supervisor, 6400);
     rig.senses = (struct supervisor_senses){.battery_mv = 7400, .wheels_still = true};
     rig.now_us = UINT32_MAX - 150000; // the clock wraps during most of these tests
     return 0;
@@ -133,17 +134,17 @@ static void a_drive_that_comes_a_little_late_goes_on(void **state)
 {
     (void)state;
     drive_for(4 * TICK_US);
-    ticks(39);
+    ticks(38);
     assert_false(may_run());
     assert_int_equal(drive_for(4 * TICK_US), 0);
     assert_true(may_run());
 }
 
-static void silence_for_200_ms_is_latched_as_link_lost(void **state)
+static void silence_is_latched_as_link_lost_before_200_ms_have_passed(void **state)
 {
     (void)state;
     drive_for(DRIVE_AHEAD_MAX_US); // however long the host wished
-    ticks(39);
+    ticks(38);
     assert_true(may_run());
     ticks(1);
     assert_false(may_run());
@@ -162,7 +163,7 @@ static void a_setpoint_that_came_too_late_or_from_a_lost_clock_is_refused(void *
     assert_int_equal(drive_for((uint32_t)-1000), REFUSED_EXPIRED);
     assert_int_equal(drive_for(DRIVE_AHEAD_MAX_US + 1), REFUSED_BAD_VALUE);
     assert_true(may_run()); // they changed nothing, and renewed nothing:
-    ticks(9);
+    ticks(8);
     expect(STATE_FAULT, FAULT_LINK_LOST);
 }
 
@@ -171,7 +172,7 @@ static void a_setpoint_that_came_too_late_or_from_a_lost_clock_is_refused(void *
 static void stop_ends_driving_at_once_and_is_ready_when_the_wheels_stand(void **state)
 {
     (void)state;
-    supervisor_stop(&rig.supervisor);
+    supervisor_stop(&rig.supervisor, STOP_BRAKE);
     expect(STATE_STOPPED, FAULT_NONE);
     assert_false(may_run());
     ticks(100);
@@ -184,7 +185,7 @@ static void stop_ends_driving_at_once_and_is_ready_when_the_wheels_stand(void **
 static void a_stopping_robot_may_be_driven_on(void **state)
 {
     (void)state;
-    supervisor_stop(&rig.supervisor);
+    supervisor_stop(&rig.supervisor, STOP_BRAKE);
     assert_int_equal(drive_for(100000), 0);
     assert_true(may_run());
 }
@@ -192,10 +193,10 @@ static void a_stopping_robot_may_be_driven_on(void **state)
 static void stop_neither_clears_a_fault_nor_opens_a_session(void **state)
 {
     (void)state;
-    supervisor_stop(&rig.supervisor);
+    supervisor_stop(&rig.supervisor, STOP_BRAKE);
     expect(STATE_FAULT, FAULT_LINK_LOST);
     fresh(state);
-    supervisor_stop(&rig.supervisor);
+    supervisor_stop(&rig.supervisor, STOP_BRAKE);
     expect(STATE_BOOT, FAULT_NONE);
 }
 
@@ -225,7 +226,7 @@ static void the_button_holds_the_fault_until_it_is_released_and_cleared(void **s
     ticks(100);
     expect(STATE_FAULT, FAULT_ESTOP_BUTTON);
     assert_int_equal(supervisor_clear(&rig.supervisor, NONCE), 0);
-    expect(STATE_READY, FAULT_NONE);
+    expect(STATE_STOPPED, FAULT_NONE);
 }
 
 static void a_button_pressed_at_the_first_tick_wins_over_any_hurry(void **state)
@@ -247,7 +248,7 @@ static void clear_needs_the_nonce_of_this_start(void **state)
     assert_int_equal(supervisor_clear(&rig.supervisor, NONCE + 1), REFUSED_BAD_NONCE);
     expect(STATE_FAULT, FAULT_LINK_LOST);
     assert_int_equal(supervisor_clear(&rig.supervisor, NONCE), 0);
-    expect(STATE_READY, FAULT_NONE);
+    expect(STATE_STOPPED, FAULT_NONE); // the wheels have not come to rest
     assert_false(may_run()); // the old setpoint stays dead
     assert_int_equal(drive_for(100000), 0);
 }
@@ -271,6 +272,7 @@ static void clearing_a_fault_without_a_session_leads_back_to_boot(void **state)
 static void a_session_opened_during_a_fault_counts_once_it_is_cleared(void **state)
 {
     (void)state;
+    ticks(1);
     supervisor_estop(&rig.supervisor);
     assert_int_equal(hello(), 0);
     expect(STATE_FAULT, FAULT_ESTOP_FRAME);
@@ -313,6 +315,7 @@ static void a_low_battery_is_cleared_only_when_it_has_clearly_recovered(void **s
     assert_int_equal(supervisor_clear(&rig.supervisor, NONCE), REFUSED_FAULT_PERSISTS);
     expect(STATE_FAULT, FAULT_BATTERY_LOW);
     rig.senses.battery_mv++;
+    rig.senses.wheels_still = true;
     ticks(1);
     assert_int_equal(supervisor_clear(&rig.supervisor, NONCE), 0);
     expect(STATE_READY, FAULT_NONE);
@@ -349,7 +352,7 @@ int main(void)
         cmocka_unit_test_setup(a_standing_robot_may_wait_in_silence_as_long_as_it_likes, fresh),
         cmocka_unit_test_setup(a_setpoint_dies_at_its_deadline_and_the_motors_with_it, driving),
         cmocka_unit_test_setup(a_drive_that_comes_a_little_late_goes_on, driving),
-        cmocka_unit_test_setup(silence_for_200_ms_is_latched_as_link_lost, driving),
+        cmocka_unit_test_setup(silence_is_latched_as_link_lost_before_200_ms_have_passed, driving),
         cmocka_unit_test_setup(a_setpoint_that_came_too_late_or_from_a_lost_clock_is_refused, driving),
         cmocka_unit_test_setup(stop_ends_driving_at_once_and_is_ready_when_the_wheels_stand, driving),
         cmocka_unit_test_setup(a_stopping_robot_may_be_driven_on, driving),

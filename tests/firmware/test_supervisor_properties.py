@@ -8,7 +8,7 @@ from firmware_in_c import FirmwareInC
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from host.link.protocol import DEAD_MAN_US, PROTOCOL_VERSION, SCHEMA_HASH, Fault, State
+from host.link.protocol import DEAD_MAN_US, PROTOCOL_VERSION, SCHEMA_HASH, Fault, ResetCause, State, StopHow
 
 NONCE = 0x12345678
 TICK_US = 5000
@@ -42,7 +42,7 @@ class Rig:
 
     def __init__(self, firmware: FirmwareInC, start_us: int) -> None:
         self.c = firmware.c
-        self.supervisor = firmware.new("supervisor", NONCE, 6400)
+        self.supervisor = firmware.new("supervisor", NONCE, 6400, ResetCause.POWER_ON)
         self.now_us = start_us  # does not wrap here, only where it is handed over
         self.battery_mv, self.button, self.still = 7400, False, True
         self.session = False
@@ -72,7 +72,7 @@ class Rig:
                 if self.c.supervisor_drive(self.supervisor, *wrapped) == 0:
                     self.runs_until_us = self.now_us + min(ahead_us, DEAD_MAN_US)
             case "stop":
-                self.c.supervisor_stop(self.supervisor)
+                self.c.supervisor_stop(self.supervisor, StopHow.BRAKE)
             case "estop":
                 self.c.supervisor_estop(self.supervisor)
             case "clear":
@@ -80,7 +80,7 @@ class Rig:
             case "ticks":
                 for _ in range(value):
                     self.now_us += TICK_US
-                    senses = (self.battery_mv, self.button, self.still)
+                    senses = (self.battery_mv, self.button, self.still, Fault.NONE)
                     self.c.shim_supervisor_tick(self.supervisor, self.now_us % 2**32, *senses)
                     self.check()
             case "battery":

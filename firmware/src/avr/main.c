@@ -47,7 +47,7 @@ static void start(void)
     PCMSK1 = PIN_LEFT_ENCODER | PIN_RIGHT_ENCODER;
     PCIFR = 1u << PCIF1; // pull-ups coming up are no edges
     hal_uart_put(0, 0); // ends the frame that a reset may have cut, lest HELLO be taken for its rest
-    robot_init(&robot, 0, &robot_params_default);
+    robot_init(&robot, 0);
     PCICR = 1u << PCIE1; // an edge since the pins were read is still pending
 
     *(volatile uint8_t *)&_end = STACK_GUARD;

@@ -23,6 +23,13 @@ void hal_interrupts_restore(hal *, uint8_t) {}
 void hal_motor_set(hal *hal, uint8_t side, int16_t duty)
 {
     hal->duty[side] = duty;
+    hal->coasting[side] = false;
+}
+
+void hal_motor_coast(hal *hal, uint8_t side)
+{
+    hal->duty[side] = 0;
+    hal->coasting[side] = true;
 }
 
 uint16_t hal_uart_room(hal *hal)
@@ -50,6 +57,22 @@ bool hal_estop_pressed(hal *hal)
     return hal->estop_pressed;
 }
 
+bool hal_eeprom_busy(hal *hal)
+{
+    return hal->now_us < hal->eeprom_done_us;
+}
+
+uint8_t hal_eeprom_read(hal *hal, uint16_t address)
+{
+    return hal->eeprom[address % hal->eeprom.size()];
+}
+
+void hal_eeprom_write(hal *hal, uint16_t address, uint8_t byte)
+{
+    hal->eeprom[address % hal->eeprom.size()] = byte;
+    hal->eeprom_done_us = hal->now_us + hal::eeprom_write_us;
+}
+
 uint8_t hal_reset_cause(hal *hal)
 {
     return hal->reset_cause;
@@ -64,8 +87,10 @@ uint32_t hal_boot_nonce(hal *hal)
 
 // --- Start -----------------------------------------------------------------------------------------
 
-Board::Board(uint64_t seed, const robot_params &params) : params_(params), nonce_state_(seed)
+Board::Board(uint64_t seed, std::string_view eeprom) : nonce_state_(seed)
 {
+    hal_.eeprom.fill(0xFF);
+    std::copy_n(eeprom.begin(), std::min(eeprom.size(), hal_.eeprom.size()), hal_.eeprom.begin());
     start();
 }
 
@@ -89,7 +114,8 @@ void Board::start()
     tick_at_us_ = now_us_ + ROBOT_TICK_US;
     hung_until_us_ = now_us_;
     byte_out_at_us_ = never;
-    robot_init(&robot_, &hal_, &params_);
+    watchdog_at_us_ = now_us_ + watchdog_us;
+    robot_init(&robot_, &hal_);
     run_main_loop();
 }
 
@@ -105,17 +131,23 @@ int64_t Board::next_event_us() const
 {
     int64_t edge = edges_.empty() ? never : edges_.front().at_us;
     int64_t main_loop = std::max(tick_at_us_, hung_until_us_);
-    return std::min({edge, byte_in_at_us_, byte_out_at_us_, main_loop});
+    return std::min({edge, byte_in_at_us_, byte_out_at_us_, main_loop, watchdog_at_us_});
 }
 
 void Board::step(int64_t us)
 {
     int64_t until = now_us_ + us;
     for (int64_t at = next_event_us(); at <= until; at = next_event_us()) {
-        now_us_ = std::max(now_us_, at);
+        set_now(std::max(now_us_, at));
         run_events();
     }
-    now_us_ = until;
+    set_now(until);
+}
+
+void Board::set_now(int64_t us)
+{
+    now_us_ = us;
+    hal_.now_us = us;
 }
 
 void Board::run_events()
@@ -140,6 +172,8 @@ void Board::run_events()
         byte_out_at_us_ = never;
     }
     run_main_loop();
+    if (watchdog_at_us_ <= now_us_)
+        reset(RESET_WATCHDOG);
 }
 
 void Board::run_main_loop()
@@ -152,6 +186,7 @@ void Board::run_main_loop()
         }
         if (now_us_ >= tick_at_us_) {
             robot_tick(&robot_, mcu_us());
+            watchdog_at_us_ = now_us_ + watchdog_us;
             while (tick_at_us_ <= now_us_) // ticks missed while hung are gone
                 tick_at_us_ += ROBOT_TICK_US;
         }

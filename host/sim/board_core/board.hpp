@@ -1,6 +1,7 @@
 // One simulated board: the firmware's C on hardware made of queues and virtual time.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <deque>
@@ -15,6 +16,7 @@ extern "C" {
 struct hal {
     uint8_t pins[DRIVE_SIDES] = {};
     int16_t duty[DRIVE_SIDES] = {};
+    bool coasting[DRIVE_SIDES] = {};
     uint16_t battery_mv = 7400;
     bool estop_pressed = false;
     uint8_t reset_cause = RESET_POWER_ON;
@@ -23,6 +25,11 @@ struct hal {
     std::deque<uint8_t> received;    // the receive interrupt's ring, at most receive_size
     std::deque<uint8_t> to_transmit; // the transmit ring, at most transmit_size
 
+    std::array<uint8_t, 1024> eeprom;
+    int64_t now_us = 0;
+    int64_t eeprom_done_us = 0; // when the last write is
+
+    static constexpr int64_t eeprom_write_us = 3400;
     static constexpr std::size_t receive_size = 64;
     static constexpr std::size_t transmit_size = 128;
 };
@@ -31,7 +38,7 @@ struct hal {
 // it hangs. Events of one microsecond run in a fixed order, so equal calls give equal runs.
 class Board {
 public:
-    Board(uint64_t seed, const robot_params &params);
+    Board(uint64_t seed, std::string_view eeprom);
     Board(const Board &) = delete; // the firmware keeps pointers into it
     Board &operator=(const Board &) = delete;
 
@@ -45,6 +52,8 @@ public:
 
     void set_encoder_pins(uint8_t side, bool a, bool b, int64_t at_us);
     int16_t duty(uint8_t side) const { return hal_.duty[side]; }
+    bool coasting(uint8_t side) const { return hal_.coasting[side]; }
+    std::string_view eeprom() const { return {reinterpret_cast<const char *>(hal_.eeprom.data()), hal_.eeprom.size()}; }
     void set_battery_mv(uint16_t mv) { hal_.battery_mv = mv; }
     void press_estop(bool pressed) { hal_.estop_pressed = pressed; }
 
@@ -52,6 +61,7 @@ public:
     void hang(int64_t us);
 
     static constexpr int64_t byte_us = 40; // ten bits at 250000 baud
+    static constexpr int64_t watchdog_us = 60'000; // after the last tick
 
 private:
     struct Edge {
@@ -63,12 +73,12 @@ private:
     static constexpr int64_t never = INT64_MAX;
 
     uint32_t mcu_us() const { return static_cast<uint32_t>(now_us_ - start_us_); }
+    void set_now(int64_t us);
     void start();
     int64_t next_event_us() const;
     void run_events();
     void run_main_loop();
 
-    robot_params params_;
     uint64_t nonce_state_;
     hal hal_;
     robot robot_;
@@ -77,6 +87,7 @@ private:
     int64_t start_us_ = 0; // of the robot's clock
     int64_t tick_at_us_ = 0;
     int64_t hung_until_us_ = 0;
+    int64_t watchdog_at_us_ = never;
     int64_t byte_in_at_us_ = never;
     int64_t byte_out_at_us_ = never;
     std::deque<Edge> edges_; // by time

@@ -10,13 +10,10 @@ NB_MODULE(_board, module)
     nb::class_<Board>(module, "Board")
         .def(
             "__init__",
-            [](Board *board, uint64_t seed, uint16_t um_per_count, uint16_t track_mm) {
-                robot_params params = robot_params_default;
-                params.um_per_count = um_per_count;
-                params.track_um = track_mm * 1000;
-                new (board) Board(seed, params);
+            [](Board *board, uint64_t seed, nb::bytes eeprom) {
+                new (board) Board(seed, {eeprom.c_str(), eeprom.size()});
             },
-            nb::arg("seed"), nb::arg("um_per_count"), nb::arg("track_mm"))
+            nb::arg("seed"), nb::arg("eeprom"))
         .def("step", &Board::step)
         .def_prop_ro("time_us", &Board::time_us)
         .def("write",
@@ -28,9 +25,16 @@ NB_MODULE(_board, module)
              })
         .def("set_encoder_pins", &Board::set_encoder_pins)
         .def("duty", &Board::duty)
+        .def("coasting", &Board::coasting)
+        .def_prop_ro("eeprom",
+                     [](const Board &board) {
+                         std::string_view held = board.eeprom();
+                         return nb::bytes(held.data(), held.size());
+                     })
         .def("set_battery_mv", &Board::set_battery_mv)
         .def("press_estop", &Board::press_estop)
         .def("reset", &Board::reset)
         .def("hang", &Board::hang);
+    module.attr("EEPROM_BYTES") = std::tuple_size_v<decltype(hal::eeprom)>;
     module.attr("DUTY_FULL") = static_cast<int>(MOTOR_DUTY_FULL);
 }
