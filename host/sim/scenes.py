@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from urllib.parse import parse_qsl
 
 from host.errors import UsageError
 from host.sim.drive_scenes import boxes, clutter, corridor, room, with_mover
 from host.sim.experiment_scenes import experiment_1, experiment_2, experiment_3, slants
+from host.sim.render import WebcamModel
 from host.sim.tabletop_scenes import tabletop
 from host.sim.world import World
 
@@ -22,12 +24,19 @@ SCENES = {
     "slants": slants,
 }
 PARAMETERS = {name: ("seed",) for name in SCENES} | {
-    "room": ("seed", "objects", "movers"),
-    "corridor": ("seed", "movers"),
-    "clutter": ("seed", "movers"),
+    "room": ("seed", "objects", "movers", "rough"),
+    "corridor": ("seed", "movers", "rough"),
+    "clutter": ("seed", "movers", "rough"),
     "slants": ("seed", "angle_deg"),
 }
-HIGHEST = {"seed": 2**31 - 1, "objects": 30, "movers": 1, "angle_deg": 60}
+HIGHEST = {"seed": 2**31 - 1, "objects": 30, "movers": 1, "rough": 1, "angle_deg": 60}
+
+# A cheap webcam in poor light, on a busy host.
+ROUGH = WebcamModel(
+    psf_px=0.8, vignetting=0.25, exposure_drift=0.05, full_well=2500.0, read_noise=0.004, jpeg_quality=75,
+    readout_s=0.025, latency_s=0.03, jitter_s=0.02, stamp_late_s=0.01,
+)  # fmt: skip
+ROUGH_DISTORTION = (-0.08, 0.02, 0.0, 0.0, 0.0)
 
 
 def world_from_uri(uri: str) -> World:
@@ -38,6 +47,27 @@ def world_from_uri(uri: str) -> World:
     UsageError
         Unknown scene or parameter (the known ones are named), or a value that is no number in range.
     """
+    name, values = _parse(uri)
+    movers, rough = values.pop("movers", 0), values.pop("rough", 0)
+    world = SCENES[name](**values)
+    if rough:
+        world = replace(world, lens=replace(world.lens, distortion=ROUGH_DISTORTION))
+    return with_mover(world) if movers else world
+
+
+def webcam_from_uri(uri: str) -> WebcamModel:
+    """The webcam in that world: an ordinary one, or with ``rough=1`` one that makes everything harder.
+
+    Raises
+    ------
+    UsageError
+        As ``world_from_uri``.
+    """
+    _, values = _parse(uri)
+    return ROUGH if values.get("rough") else WebcamModel()
+
+
+def _parse(uri: str) -> tuple[str, dict[str, int]]:
     kind, colon, rest = uri.partition(":")
     name, _, query = rest.partition("?")
     if kind != "sim" or not colon or name not in SCENES:
@@ -54,6 +84,4 @@ def world_from_uri(uri: str) -> World:
         if key in values:
             raise UsageError(f"camera {uri!r}: {key} is given twice; keep one of them")
         values[key] = int(text)
-    movers = values.pop("movers", 0)
-    world = SCENES[name](**values)
-    return with_mover(world) if movers else world
+    return name, values

@@ -11,7 +11,8 @@ import pytest
 
 from host.errors import UsageError
 from host.sim.drive_scenes import PATH_WIDTH_CM, boxes, clutter, corridor, room
-from host.sim.scenes import world_from_uri
+from host.sim.render import WebcamModel
+from host.sim.scenes import webcam_from_uri, world_from_uri
 from host.sim.things import Ball, Board, Box, Cone, Cylinder, Ellipsoid, Group, Material
 from host.sim.world import Room, World
 
@@ -174,3 +175,13 @@ def test_clutter_is_dense_and_mostly_leaves_a_way():
     worlds = [clutter(seed) for seed in SEEDS]
     assert np.median([len(world.things) for world in worlds]) >= 12
     assert np.mean([world.has_path(PATH_WIDTH_CM) for world in worlds]) > 0.8
+
+
+def test_a_rough_world_is_the_same_world_behind_a_worse_camera():
+    plain, rough = (world_from_uri(f"sim:corridor?seed=4&rough={n}") for n in (0, 1))
+    assert rough.things == plain.things and rough.room == plain.room
+    assert any(rough.lens.distortion) and not any(plain.lens.distortion)
+    assert webcam_from_uri("sim:corridor?seed=4") == WebcamModel()
+    worse = webcam_from_uri("sim:corridor?seed=4&rough=1")
+    assert worse.readout_s > 0 and worse.latency_s > 0 and worse.jitter_s > 0 and worse.stamp_late_s > 0
+    assert worse.full_well < WebcamModel().full_well
