@@ -29,7 +29,7 @@ class SerialPort:
             self._port = serial.Serial(path, BAUD, timeout=0, write_timeout=WRITE_TIMEOUT_S, exclusive=True)
             self._port.reset_input_buffer()
         except (OSError, ValueError) as error:
-            raise DeviceError(_why_not_open(path, error)) from None
+            raise DeviceError(why_not_open(path, error)) from None
 
     def write(self, data: bytes) -> None:
         """Send all of `data`."""
@@ -55,7 +55,8 @@ class SerialPort:
         return DeviceError(f"{self._path} is gone ({error}): plug the robot in again, then reconnect")
 
 
-def _why_not_open(path: str, error: Exception) -> str:
+def why_not_open(path: str, error: Exception) -> str:
+    """What an error from opening a port means, and what to do about it."""
     number = getattr(error, "errno", None)
     if number == errno.EACCES:
         user = getpass.getuser()
