@@ -58,6 +58,8 @@ SILENCE_S = 0.25  # 25 telemetry messages missing in a row
 PAUSE_S = 0.5  # between two looks at the robot, worth a line in the events
 PAUSE_MAX_S = 1000.0  # after half an hour nobody could tell how often the robot's clock has wrapped
 PING_PERIOD_S = 0.1
+LEARN_S = 2.0  # after connecting, in which the clocks' drift is learnt
+LEARN_PING_PERIOD_S = 0.02
 FIRST_PINGS = 16  # before the clock mapping is used
 PING_TIMEOUT_S = 0.05
 BYTE_S = 10 / BAUD  # on the line, start and stop bit included
@@ -142,6 +144,7 @@ class Robot:
         self._pings: dict[int, float] = {}  # not answered yet: what they carried -> earliest arrival
         self._pinged_s = float("-inf")
         self._heard_s = float("-inf")
+        self._connected_s = float("-inf")
         self._polled_s = float("-inf")
         self._unread: deque[Telemetry] = deque(maxlen=UNREAD_MAX)  # of the open session
         self._errand: Errand | None = None  # the last one begun
@@ -190,7 +193,7 @@ class Robot:
         self._lost_event = None
         self._unread = deque((r for r in self._unread if r.boot_nonce == hello.boot_nonce), UNREAD_MAX)
         self._session_refused = False
-        self._polled_s = self._clock.now_s()
+        self._connected_s = self._polled_s = self._clock.now_s()
         self._note(f"connected to build {hello.build_id:08x}, start {hello.boot_nonce:08x}")
 
     def reconnect(self, timeout_s: float = RECONNECT_S) -> Reconnection:
@@ -508,7 +511,8 @@ class Robot:
         paused_s, self._polled_s = now_s - self._polled_s, now_s
         if paused_s > PAUSE_S:
             self._note(f"this program did not look at the robot for {paused_s:.1f} s")
-        if now_s - self._pinged_s >= PING_PERIOD_S:
+        learning = now_s - self._connected_s < LEARN_S
+        if now_s - self._pinged_s >= (LEARN_PING_PERIOD_S if learning else PING_PERIOD_S):
             self._ping()
         self._read()
         trouble = self._trouble(hello, paused_s)

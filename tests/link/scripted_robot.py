@@ -68,6 +68,7 @@ class ScriptedRobot:
     clock: VirtualClock
     delay_s: float = 0.0006  # each way; the PING's 13 bytes take 0.52 ms at 250000 baud, the PONG's 0.64
     jitter_s: float = 0.0
+    seed: int = 1  # of the jitter
     drift: float = 0.0  # robot seconds per host second, less one
     start_us: int = 0  # what the robot's clock shows when it starts
     starts_at_s: float = 0.0  # host time; the boot loader swallows what comes before
@@ -86,7 +87,7 @@ class ScriptedRobot:
     closed: bool = False
 
     def __post_init__(self) -> None:
-        self._random = random.Random(1)
+        self._random = random.Random(self.seed)
         self._to_robot: list[tuple[float, bytes]] = []
         self._to_host: list[tuple[float, int, bytes]] = []
         self._sent = 0
