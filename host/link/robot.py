@@ -140,6 +140,7 @@ class Robot:
         self._offered: Hello | None = None  # the last one received
         self._offers = 0  # how often in a row that start of the robot said HELLO
         self._session_refused = False  # by the robot, since connecting
+        self._ended: str | None = None  # why the session is over, when that is known and not yet told
         self._robot_clock = RobotClock()
         self._pings: dict[int, float] = {}  # not answered yet: what they carried -> earliest arrival
         self._pinged_s = float("-inf")
@@ -190,7 +191,7 @@ class Robot:
                 self._errand.lose()
                 self._errand = None
         self._hello = self._known = hello
-        self._lost_event = None
+        self._lost_event = self._ended = None
         self._unread = deque((r for r in self._unread if r.boot_nonce == hello.boot_nonce), UNREAD_MAX)
         self._session_refused = False
         self._connected_s = self._polled_s = self._clock.now_s()
@@ -515,11 +516,11 @@ class Robot:
         if now_s - self._pinged_s >= (LEARN_PING_PERIOD_S if learning else PING_PERIOD_S):
             self._ping()
         self._read()
-        trouble = self._trouble(hello, paused_s)
-        if trouble is not None:
+        self._ended = self._ended or self._trouble(hello, paused_s)
+        if self._ended is not None:
             if raising:
-                raise self._lose(trouble)
-            return trouble
+                raise self._lose(self._ended)
+            return self._ended
         self._serve_errand(self._clock.now_s())
         return None
 

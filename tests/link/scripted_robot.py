@@ -115,6 +115,12 @@ class ScriptedRobot:
     def close(self) -> None:
         self.closed = True
 
+    def cut(self) -> None:
+        """Unplug: what is on the line in either direction is lost."""
+        self.unplugged = True
+        self._to_robot.clear()
+        self._to_host.clear()
+
     # --- As a robot -----------------------------------------------------------------------------
 
     def mcu_us(self, t_s: float) -> int:
