@@ -498,10 +498,11 @@ class Robot:
         DeviceError
             The robot has been silent for 0.25 s or has restarted; `connect` again.
         """
+        in_session = self._ended is None
         trouble = self._look(raising=False)
         reports = list(self._unread)
         self._unread.clear()
-        if trouble is not None and not reports:  # what came before it is handed on first
+        if trouble is not None and not (reports and in_session):  # what came before the end goes first
             raise self._lose(trouble)
         return reports
 
