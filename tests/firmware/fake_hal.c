@@ -82,7 +82,9 @@ void hal_eeprom_write(struct hal *hal, uint16_t address, uint8_t byte)
         abort();
     hal->eeprom_writes++;
     hal->eeprom_busy = 3;
-    if (!hal->eeprom_stuck)
+    if (hal->eeprom_writes == hal->eeprom_cut)
+        hal->eeprom[address] = hal->eeprom_torn;
+    else if (!hal->eeprom_stuck)
         hal->eeprom[address] = byte;
 }
 

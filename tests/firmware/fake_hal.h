@@ -23,6 +23,8 @@ struct hal {
     unsigned eeprom_busy;   // questions to hal_eeprom_busy() until the last write is done
     unsigned eeprom_writes; // so far
     bool eeprom_stuck;      // writes change nothing
+    unsigned eeprom_cut;    // the write at which power fails, counted like eeprom_writes; 0: none
+    uint8_t eeprom_torn;    // what that write leaves
 };
 
 #endif
