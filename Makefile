@@ -6,7 +6,7 @@ RUN := $(VENV)/bin/python
 
 NATIVE := CMakeLists.txt pyproject.toml $(wildcard firmware/src/*.[ch] host/*/*_core/*.[ch]pp host/*/core/*.[ch]pp)
 
-.PHONY: drive test setup firmware budget avr clean
+.PHONY: drive test setup firmware flash budget check avr clean
 
 drive: build/ready
 	$(RUN) host/nav_loop.py
@@ -23,8 +23,18 @@ build/ready: tools/setup $(NATIVE)
 firmware:
 	$(PYTHON) tools/build_firmware.py
 
-budget: firmware
-	$(PYTHON) tools/firmware_budget.py
+# make flash PORT=/dev/ttyACM0 [BOARD=nano]
+BOARD ?= uno
+flash: build/ready
+	$(RUN) tools/flash_firmware.py "$(PORT)" --board $(BOARD)
+
+# What it takes of the processor, measured in the simulator; fails above what it may take.
+budget: build/ready
+	$(RUN) tools/firmware_budget.py
+
+# Static analysis.
+check:
+	$(PYTHON) tools/check_firmware.py
 
 avr: firmware
 	$(PYTHON) tools/build_rig.py

@@ -212,6 +212,8 @@ class AvrBoard:
         self._c.rig_eeprom_set(self._rig, eeprom.ljust(EEPROM_BYTES, b"\xff"))
         if bootloader:
             address, code = read_hex(bootloader)
+            if address + len(code) > FLASH_BYTES:
+                raise UsageError(f"{bootloader} reaches past the end of the ATmega328P's program memory")
             self._c.rig_bootloader(self._rig, address, code, len(code))
         self._bytes = self._ffi.new("uint8_t[]", 4096)
         self._time_us = 0

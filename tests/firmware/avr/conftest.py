@@ -38,7 +38,7 @@ CHECKING = {
 }
 UPLOADING = {
     "avrdude": Path("/usr/bin/avrdude"),
-    "Arduino's bootloaders": ROOT / "build/bootloaders/optiboot_atmega328.hex",
+    "Arduino's bootloaders": ROOT / "build/bootloaders/uno.hex",
 }
 
 
