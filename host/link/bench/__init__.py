@@ -1,0 +1,1 @@
+"""The serial protocol test bench: what the line to a robot is worth, measured and said in plain words."""

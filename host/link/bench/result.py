@@ -1,0 +1,112 @@
+"""What a command of the bench found: one table, plots as data, a verdict; to JSON and back."""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+from host.errors import InputError
+from host.link.bench.verdict import Finding, Grade, Verdict
+from host.record.atomic import write_whole
+
+FORMAT = "robot link bench 1"
+Cell = str | int | float | None
+Kind = Literal["histogram", "line", "points", "bars"]
+
+
+@dataclass(frozen=True)
+class Series:
+    """One set of points of a plot."""
+
+    name: str
+    x: list[float]
+    y: list[float]
+
+
+@dataclass(frozen=True)
+class Plot:
+    """A plot as data. Of a histogram `x` holds the left ends of its bins and one more."""
+
+    title: str
+    kind: Kind
+    x_label: str
+    y_label: str
+    series: list[Series]
+    log_x: bool = False
+    log_y: bool = False
+    limit: float | None = None  # what y should not exceed; of a histogram, what x should not
+    ticks: list[str] = field(default_factory=list)  # names along x, of bars
+
+
+@dataclass(frozen=True)
+class Result:
+    """What a command found."""
+
+    command: str
+    robot: str
+    settings: dict[str, Any]
+    columns: list[str]
+    rows: list[list[Cell]]
+    verdict: Verdict
+    plots: list[Plot] = field(default_factory=list)
+    details: dict[str, Any] = field(default_factory=dict)  # counters and the like, for the JSON alone
+    when: str = field(default_factory=lambda: time.strftime("%Y-%m-%d %H:%M:%S"))
+
+    def as_dict(self) -> dict[str, Any]:
+        """As the JSON file has it; null for what is no number."""
+        told = {"format": FORMAT, **asdict(self)}
+        told["verdict"] = {
+            "grade": self.verdict.grade.name.lower(),
+            "text": self.verdict.text,
+            "findings": [{"grade": f.grade.name.lower(), "text": f.text} for f in self.verdict.findings],
+        }
+        return _finite(told)
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _finite(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(one) for one in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def write_result(result: Result, path: Path) -> None:
+    """As JSON, whole or not at all."""
+    write_whole(path, (json.dumps(result.as_dict(), indent=1, allow_nan=False) + "\n").encode())
+
+
+def read_result(path: Path) -> Result:
+    """A result written earlier.
+
+    Raises
+    ------
+    InputError
+        The file is not readable or is no result of the bench.
+    """
+    try:
+        told = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+    except (UnicodeDecodeError, json.JSONDecodeError):
+        raise InputError(f"{path}: is no JSON; name files written with --json") from None
+    try:
+        if told["format"] != FORMAT:
+            raise KeyError
+        findings = tuple(
+            Finding(Grade[one["grade"].upper()], one["text"]) for one in told["verdict"]["findings"]
+        )
+        plots = [
+            Plot(**{**plot, "series": [Series(**series) for series in plot["series"]]})
+            for plot in told["plots"]
+        ]
+        return Result(
+            told["command"], told["robot"], told["settings"], told["columns"], told["rows"],
+            Verdict(findings), plots, told["details"], told["when"],
+        )  # fmt: skip
+    except (KeyError, TypeError):
+        raise InputError(f"{path}: is no result of the bench; name files written with --json") from None
