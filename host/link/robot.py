@@ -156,6 +156,11 @@ class Robot:
         """What this end of the line saw."""
         return self._decoder.counters
 
+    @property
+    def connected(self) -> bool:
+        """Whether a session is open, as far as is known."""
+        return self._hello is not None
+
     # --- Session --------------------------------------------------------------------------------
 
     def connect(self, timeout_s: float = CONNECT_S) -> Hello:

@@ -15,11 +15,12 @@ from host.link.robot import Robot
 from host.nav.config import NavConfig
 from host.nav.odometry import WheelReading
 from host.nav.pilot import Pilot, View
-from host.nav.result import DriveLog
+from host.nav.result import DriveLog, LostAndFound
 from host.nav.steer import Command
 from host.nav.watch import FrameWatch
 
 CLEARS_ALLOWED = 5  # a robot that stops itself more often than this has a reason
+RECONNECTIONS_ALLOWED = 5  # and so has a line that is lost more often
 LISTEN_S = 0.005
 BLIND_S = 3.0  # no picture to drive on for this long ends the drive
 
@@ -44,6 +45,8 @@ def drive(
 ) -> tuple[DriveLog, int]:
     """Drive until something ends it; the motors are stopped before anything else happens then.
 
+    A robot that is unplugged or restarts stands; where it can be connected again, the drive goes on.
+
     Parameters
     ----------
     robot : with an open session.
@@ -62,7 +65,12 @@ def drive(
     try:
         trip.await_wheels()
         while True:
-            trip.one_frame(begin_s)
+            try:
+                trip.one_frame(begin_s)
+            except DeviceError:
+                if robot.connected:
+                    raise
+                trip.reconnect(begin_s)
             if clock.now_s() - begin_s >= max_time_s:
                 raise _Ended("timeout", f"not there after {max_time_s:g} s")
             if time.monotonic() - begin_wall_s >= max_wall_s:
@@ -145,6 +153,19 @@ class _Trip:
         self._note(view, now_s - begin_s, command)
         if command.outcome is not None:
             raise _Ended(command.outcome, command.reason)
+
+    def reconnect(self, begin_s: float) -> None:
+        """Stand until the lost robot is back, then go on; where it is not, DeviceError."""
+        log = self.log
+        if len(log.reconnections) >= RECONNECTIONS_ALLOWED:
+            raise DeviceError(f"the robot was lost more than {RECONNECTIONS_ALLOWED} times: check its cable")
+        back = self.robot.reconnect()
+        if back.restarted:
+            self.pilot.odometry.restart()
+        t_s = self.clock.now_s() - begin_s
+        log.reconnections.append(LostAndFound(round(t_s, 3), round(back.away_s, 3), back.restarted, back.why))
+        log.decide(t_s, 0.0, 0.0, f"stop: {back}")
+        self.seeing_s = self.last_seq = None  # it was the robot that was away, not the camera
 
     def _newest_frame(self) -> tuple[Frame | None, str | None]:
         """(frame, None), or (None, why there is none)."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from host.link.protocol import NO_EDGE_US, Telemetry
 from host.nav.config import BodyConfig
@@ -166,6 +166,7 @@ class Odometry:
         self._base = (0.0, 0.0, -body.camera_ahead_cm, 0.0)  # time, x, z, heading of the axle's middle
         self._newest_s = -math.inf
         self._counts: tuple[int, int] | None = None
+        self._zeros = (0, 0)  # where the robot's counts began, on the odometry's
         self._rolled = [0, 0]
 
     @property
@@ -178,9 +179,17 @@ class Odometry:
         """Time of the newest reading; -inf before the first."""
         return self._newest_s
 
+    def restart(self) -> None:
+        """The robot restarted: its counts begin at zero again, where the wheels were at the last reading.
+
+        What they turned until its firmware ran again, nobody has counted.
+        """
+        self._zeros = self._counts or (0, 0)
+
     def add(self, reading: WheelReading) -> None:
         """Take one reading; readings out of order are ignored."""
-        r = reading
+        left, right = self._zeros
+        r = replace(reading, count_left=reading.count_left + left, count_right=reading.count_right + right)
         if self._left is None or self._right is None:
             cell = self._body.cm_per_count
             self._left = Wheel(cell, r.t_s, r.count_left)

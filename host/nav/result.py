@@ -27,6 +27,16 @@ class Decision:
     reason: str
 
 
+@dataclass(frozen=True)
+class LostAndFound:
+    """The robot was lost on the way, and connected again."""
+
+    t_s: float  # since the start of the drive, when it was back
+    away_s: float
+    restarted: bool  # and not only cut off
+    why: str
+
+
 @dataclass
 class DriveLog:
     """Grows while the robot drives; holds nothing but what the robot itself can know."""
@@ -40,6 +50,7 @@ class DriveLog:
     refused_frames: int = 0  # stale, dark, blank or frozen ones
     limited_frames: int = 0  # in which a budget of the net acted
     faults_cleared: int = 0
+    reconnections: list[LostAndFound] = field(default_factory=list)
     frame_ms: list[float] = field(default_factory=list)  # capture to command, camera and line not counted
     path: list[Pose] = field(default_factory=list)  # of the camera, at every frame driven on
     decisions: list[Decision] = field(default_factory=list)
@@ -65,6 +76,7 @@ class DriveLog:
             "refused_frames": self.refused_frames,
             "limited_frames": self.limited_frames,
             "faults_cleared": self.faults_cleared,
+            "reconnections": [asdict(one) for one in self.reconnections],
             "frame_time_ms": {
                 "median": round(float(np.median(ms)), 2) if len(ms) else None,
                 "p95": round(float(np.percentile(ms, 95)), 2) if len(ms) else None,

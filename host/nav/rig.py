@@ -18,6 +18,7 @@ from host.link.robot import Robot
 from host.link.serial_port import SerialPort
 from host.nav.pilot import View
 from host.nav.result import DriveLog
+from host.sim.board import Line
 from host.sim.scoring import Score
 from host.sim.session import Simulation
 
@@ -91,7 +92,7 @@ def open_rig(camera_uri: str, robot_uri: str, lens_file: Path | None) -> Iterato
         raise UsageError(f"--lens {lens_file}: a simulated camera brings its own lens; leave it out")
     if simulated:
         simulation = Simulation(camera_uri, avr=robot_uri == "avr:")
-        with Robot(simulation.transport, simulation.clock) as robot:
+        with Robot(simulation.transport, simulation.clock, lambda: Line(simulation.board)) as robot:
             robot.connect()
             world = simulation.world
             yield Rig(
@@ -103,7 +104,7 @@ def open_rig(camera_uri: str, robot_uri: str, lens_file: Path | None) -> Iterato
         if camera.lens is None:
             raise UsageError(f"camera {camera_uri}: its lens is not known; name its camera.json with --lens")
         clock = SystemClock()
-        with Robot(SerialPort(robot_uri), clock) as robot:
+        with Robot(SerialPort(robot_uri), clock, lambda: SerialPort(robot_uri)) as robot:
             robot.connect()
             yield Rig(camera, robot, clock, camera.lens, None, None)
     finally:

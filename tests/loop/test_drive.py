@@ -10,12 +10,14 @@ import pytest
 from host.camera.frame import Frame
 from host.depth.config import DepthConfig
 from host.errors import EXIT_DEVICE, EXIT_DONE, EXIT_INTERRUPTED, EXIT_SAFETY, DeviceError
-from host.link.robot import Robot
+from host.link.protocol import ResetCause
+from host.link.robot import RECONNECT_S, Robot
 from host.nav.config import BodyConfig, NavConfig
 from host.nav.drive import drive
 from host.nav.pilot import Pilot
 from host.nav.result import DriveLog
 from host.rbdn import NetConfig
+from host.sim.board import Line
 from host.sim.session import Simulation
 
 CONFIG = NavConfig()
@@ -65,11 +67,57 @@ class TamperedLine:
         self._line.close()
 
 
+class Cable:
+    """A cable that is pulled out at some time and plugged in again later."""
+
+    def __init__(self, simulation: Simulation, from_s: float, for_s: float):
+        self._simulation = simulation
+        self._from_s, self._until_s = from_s, from_s + for_s
+        self.opened = 0
+
+    def open(self):
+        """A line through it."""
+        if self._out():
+            raise DeviceError("no cable")
+        self.opened += 1
+        line, cable = Line(self._simulation.board), self
+
+        class Plugged:
+            gone = False
+
+            def write(self, data: bytes) -> None:
+                self._check()
+                line.write(data)
+
+            def read(self) -> bytes:
+                self._check()
+                return line.read()
+
+            def close(self) -> None:
+                line.close()
+
+            def _check(self) -> None:
+                self.gone |= cable._out()
+                if self.gone:
+                    raise DeviceError("the line is gone")
+
+        return Plugged()
+
+    def _out(self) -> bool:
+        return self._from_s <= self._simulation.clock.now_s() < self._until_s
+
+
 def run(
-    simulation: Simulation, *, camera=None, line=None, net: NetConfig | None = None, max_time_s=8.0
+    simulation: Simulation,
+    *,
+    camera=None,
+    line=None,
+    reopen=None,
+    net: NetConfig | None = None,
+    max_time_s=8.0,
 ) -> tuple[DriveLog, int]:
     """Drive with the given parts in place of the simulation's own."""
-    robot = Robot(line or simulation.transport, simulation.clock)
+    robot = Robot(line or simulation.transport, simulation.clock, reopen)
     robot.connect()
     pilot = Pilot(
         simulation.world.lens, simulation.world.goal_cm,
@@ -173,8 +221,74 @@ def test_on_a_dead_line_the_drive_ends_and_the_robot_stops_itself(noisily):
     simulation = Simulation("sim:room?seed=3")
     log, code = run(simulation, line=TamperedLine(simulation, 2.5, noisily))
     assert (log.outcome, code) == ("stopped", EXIT_DEVICE)
-    assert log.duration_s < 3.0
-    assert log.reason
+    assert log.duration_s < 3.0 + (0.0 if noisily else RECONNECT_S)
+    assert ("does not answer HELLO" in log.reason) != noisily
+    assert stands(simulation)
+
+
+def off_cm(simulation: Simulation, log: DriveLog) -> float:
+    """How wrong the drive's last idea of its place is."""
+    last = log.path[-1]
+    return float(np.linalg.norm(last.position_cm - simulation.true_pose(last.t_s).position_cm))
+
+
+def moved_after(log: DriveLog, t_s: float) -> bool:
+    return any(decision.t_s > t_s and decision.v_mm_s > 50 for decision in log.decisions)
+
+
+@pytest.mark.parametrize("for_s", [0.1, 1.0, 3.0])
+def test_a_robot_that_is_unplugged_for_a_while_stands_and_then_goes_on(for_s: float):
+    simulation = Simulation("sim:room?seed=3")
+    cable = Cable(simulation, 2.5, for_s)
+    log, code = run(simulation, line=cable.open(), reopen=cable.open, max_time_s=7.0)
+    assert (log.outcome, code) == ("timeout", EXIT_DONE)
+    (lost,) = log.as_dict()["reconnections"]
+    assert (lost["why"], lost["restarted"]) == ("the line is gone", False)
+    assert for_s - 0.1 <= lost["away_s"] <= for_s + 0.5
+    assert cable.opened == 2
+    assert moved_after(log, lost["t_s"] + 0.5)
+    assert any("connected again" in decision.reason for decision in log.decisions)
+    assert log.faults_cleared == 1  # it had stopped itself
+    print(
+        f"\nunplugged for {for_s} s: back after {lost['away_s']} s, off by {off_cm(simulation, log):.2f} cm"
+    )
+    assert off_cm(simulation, log) < 2.0
+    assert stands(simulation)
+
+
+@pytest.mark.parametrize("cause", [ResetCause.BROWN_OUT, ResetCause.WATCHDOG])
+def test_a_robot_that_restarts_on_the_way_stands_and_then_goes_on_from_where_it_is(cause: ResetCause):
+    simulation = Simulation("sim:room?seed=3")
+    done = []
+
+    def reset(frame, last):
+        if not done:
+            simulation.board.reset(cause)
+            done.append(travel_cm(simulation))
+        return frame
+
+    log, code = run(simulation, camera=TamperedCamera(simulation, 3.0, reset), max_time_s=7.0)
+    if cause == ResetCause.WATCHDOG:  # the firmware latches it, and somebody is to have a look
+        assert (log.outcome, code) == ("stopped", EXIT_SAFETY)
+    else:
+        assert (log.outcome, code) == ("timeout", EXIT_DONE)
+        assert moved_after(log, log.reconnections[0].t_s + 0.5)
+    (lost,) = log.reconnections
+    assert lost.restarted
+    assert lost.away_s < 0.5
+    assert "restarted" in lost.why
+    print(f"\nrestarted: back after {lost.away_s} s, off by {off_cm(simulation, log):.2f} cm")
+    assert off_cm(simulation, log) < 2.0
+    assert stands(simulation)
+
+
+def test_a_cable_that_is_never_put_back_ends_the_drive():
+    simulation = Simulation("sim:room?seed=3")
+    cable = Cable(simulation, 2.0, 1e9)
+    log, code = run(simulation, line=cable.open(), reopen=cable.open, max_time_s=30.0)
+    assert (log.outcome, code) == ("stopped", EXIT_DEVICE)
+    assert "not back after 8 s: no cable" in log.reason
+    assert log.duration_s < 2.0 + RECONNECT_S
     assert stands(simulation)
 
 
