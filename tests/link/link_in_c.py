@@ -44,7 +44,7 @@ class LinkInC:
         library = build_folder / "liblink.so"
         flags = ["-std=gnu11", "-O1", "-g", "-Wall", "-Wextra", "-Wconversion", "-Werror", "-shared", "-fPIC"]
         checks = ["-fsanitize=undefined", "-fno-sanitize-recover=all"]
-        sources = [source, HERE / "link_shim.c", FIRMWARE / "link.c"]
+        sources = [source, HERE / "link_shim.c", HERE / "corrupt.c", FIRMWARE / "link.c"]
         compiler = os.environ.get("CC", "cc")
         subprocess.run([compiler, *flags, *checks, f"-I{FIRMWARE}", *sources, "-o", library], check=True)
         self._ffi = cffi.FFI()
@@ -53,9 +53,9 @@ class LinkInC:
             uint32_t shim_receive(const uint8_t *bytes, uint32_t size, uint8_t *log, uint32_t log_capacity);
             void shim_counters(uint8_t *payload);
             uint16_t shim_send(uint8_t id, uint8_t seq, const uint8_t *payload, uint8_t size, uint8_t *bytes);
-            uint32_t shim_flip_bits(uint8_t *bytes, uint32_t size, uint32_t *tried);
-            uint32_t shim_corrupt(const uint8_t *bytes, uint32_t size, uint32_t count, uint32_t seed,
-                                  uint32_t *whole);
+            uint32_t corrupt_flip_bits(uint8_t *bytes, uint32_t size, uint32_t *tried);
+            uint32_t corrupt_at_random(const uint8_t *pool, uint32_t frames, uint32_t stride, uint32_t count,
+                                       uint64_t seed, uint32_t *untouched, uint32_t *lost);
             uint32_t link_crc32c(const uint8_t *data, uint8_t size);
         """)
         self._ffi.cdef("".join(map(_declarations, filled)))
@@ -104,14 +104,21 @@ class LinkInC:
     def flip_bits(self, frame: bytes) -> tuple[int, int]:
         """How often 1 to 3 flipped bits of `frame` were tried, and how many messages came of it."""
         tried = self._ffi.new("uint32_t *")
-        accepted = self._c.shim_flip_bits(self._ffi.new("uint8_t[]", frame), len(frame), tried)
+        accepted = self._c.corrupt_flip_bits(self._ffi.new("uint8_t[]", frame), len(frame), tried)
         return tried[0], accepted
 
-    def corrupt(self, frame: bytes, count: int, seed: int) -> tuple[int, int]:
-        """How many of `count` random corruptions of `frame` brought another message, and how many none."""
-        whole = self._ffi.new("uint32_t *")
-        wrong = self._c.shim_corrupt(frame, len(frame), count, seed, whole)
-        return wrong, count - wrong - whole[0]
+    def corrupt(self, frames: list[bytes], count: int, seed: int) -> tuple[int, int, int]:
+        """Send `count` damaged lines of two of the frames each.
+
+        Returns
+        -------
+        (messages that nobody sent, lines that came whole all the same, lines from which nothing came)
+        """
+        stride = 1 + max(map(len, frames))
+        pool = b"".join((bytes([len(frame)]) + frame).ljust(stride, b"\0") for frame in frames)
+        whole, lost = self._ffi.new("uint32_t *"), self._ffi.new("uint32_t *")
+        wrong = self._c.corrupt_at_random(pool, len(frames), stride, count, seed, whole, lost)
+        return wrong, whole[0], lost[0]
 
     def _read(self, layout: Layout, payload: bytes) -> Message:
         if not layout.fields:
