@@ -8,6 +8,7 @@ counts as floor, and only weakly.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -49,17 +50,23 @@ def label_image(snapshot: Snapshot, lens: Lens) -> np.ndarray:
     return labels
 
 
-def rays_of(shape: tuple[int, int], lens: Lens, pose: Pose) -> Rays:
-    """Rays of a label image's pixels, seen from a pose."""
+@lru_cache(maxsize=2)
+def _camera_rays(shape: tuple[int, int], lens: Lens) -> np.ndarray:
+    """Directions (3, H / 2 * W / 2) of a label image's pixels in the camera's frame, Z = 1."""
     rows, cols = shape
     xs = np.arange(cols) * STEP_PX + 0.5 * (STEP_PX - 1)
     ys = np.arange(rows) * STEP_PX + 0.5 * (STEP_PX - 1)
     grid = np.stack(np.meshgrid(xs, ys), axis=-1).reshape(-1, 2)
-    rays = np.column_stack([lens.to_rays(grid), np.ones(len(grid))])
+    return np.vstack([lens.to_rays(grid).T, np.ones(len(grid))])
+
+
+def rays_of(shape: tuple[int, int], lens: Lens, pose: Pose) -> Rays:
+    """Rays of a label image's pixels, seen from a pose."""
+    rows, cols = shape
     level = Pose.planar(0.0, 0.0, heading_of(pose)).rotation.T @ pose.rotation
-    rays = np.einsum("ij,nj->ni", level, rays)
-    rays = rays[:, :2] / rays[:, 2:]
-    return Rays(rays[:, 0].reshape(shape)[rows // 2], rays[:, 1].reshape(shape))
+    rays = level @ _camera_rays(shape, lens)
+    middle = slice(rows // 2 * cols, (rows // 2 + 1) * cols)
+    return Rays(rays[0, middle] / rays[2, middle], (rays[1] / rays[2]).reshape(shape))
 
 
 class FloorFinder:
