@@ -349,6 +349,16 @@ static void what_is_sent_is_a_frame_and_its_sequence_numbers_follow_one_another(
     }
 }
 
+static void a_message_without_payload_is_sent_as_any_other(void **state)
+{
+    (void)state;
+    uint8_t expected[80];
+    assert_true(link_send(&rig.link, 0x90, NULL, 0, LINK_WIRE_MAX));
+    unsigned size = message_of(expected, 0x90, 0, NULL, 0);
+    assert_int_equal(rig.wire_size, size);
+    assert_memory_equal(rig.wire, expected, size);
+}
+
 static void the_longest_message_fits_the_room_promised(void **state)
 {
     (void)state;
@@ -402,6 +412,7 @@ int main(void)
         cmocka_unit_test_setup(an_emergency_stop_is_honoured_in_any_order, fresh),
         cmocka_unit_test_setup(a_hello_request_starts_a_new_sequence, fresh),
         cmocka_unit_test_setup(what_is_sent_is_a_frame_and_its_sequence_numbers_follow_one_another, fresh),
+        cmocka_unit_test_setup(a_message_without_payload_is_sent_as_any_other, fresh),
         cmocka_unit_test_setup(the_longest_message_fits_the_room_promised, fresh),
         cmocka_unit_test_setup(a_message_without_room_is_not_begun_and_leaves_a_gap, fresh),
         cmocka_unit_test_setup(a_message_longer_than_any_of_the_schema_is_refused, fresh),
