@@ -357,6 +357,8 @@ static void interrupt_changed(struct avr_irq_t *irq, uint32_t running, void *par
     (void)irq;
     if (running) {
         watch->began = now(rig);
+        if (rig->masked_since == 0)
+            rig->masked_since = now(rig); // looking comes only after the first instruction
         rig->avr->cycle += ENTRY;
         return;
     }

@@ -19,7 +19,6 @@ from host.link.protocol import (
     Pong,
     Refusal,
     ResetCause,
-    State,
     Telemetry,
 )
 from host.link.robot import Robot
@@ -270,49 +269,7 @@ def test_the_hosts_client_connects_drives_and_hears(bench: Bench) -> None:
         assert robot.refusals == 0
 
 
-# --- What it costs ------------------------------------------------------------------------------
-
-
-def test_the_processor_is_in_time_while_driving_at_1_m_s(bench: Bench) -> None:
-    board = bench.board
-    assert isinstance(board, AvrBoard)
-    bench.wheels = (Wheel(mm_s_at_full=2400), Wheel(mm_s_at_full=2300))  # beyond 1 m/s at the allowed duty
-    bench.drive_for_ms(800, 600)
-    board.clear_stats()
-    bench.drive_for_ms(1000, 600)
-    measured = board.stats()
-    assert 0.05 < measured.load <= 0.40
-    assert measured.rx_overruns == measured.rx_wrong_baud == measured.resets == 0
-    assert board.stack_bytes <= 400
-    assert bench.hear_telemetry().state == State.DRIVING
-
-
-def test_the_encoder_interrupt_takes_at_most_90_cycles_for_one_wheel_and_140_for_both(bench: Bench) -> None:
-    board = bench.board
-    assert isinstance(board, AvrBoard)
-    for sides, limit in (((Side.LEFT,), 90), ((Side.RIGHT,), 90), (tuple(Side), 140)):
-        board.clear_stats()
-        start_us = board.time_us
-        for k in range(1, 400):
-            for side in sides:
-                board.set_encoder_pins(side, *FORWARD_PINS[k % 4], start_us + k * 613)
-        board.step(400 * 613)
-        encoder = board.stats().interrupts["encoder"]
-        assert encoder.runs == 399
-        assert 60 < encoder.worst_cycles <= limit
-
-
-def test_interrupts_are_off_for_at_most_320_cycles_and_bytes_are_read_within_640(bench: Bench) -> None:
-    board = bench.board
-    assert isinstance(board, AvrBoard)
-    board.clear_stats()
-    board.watch_mask(True)
-    for k in range(20):
-        board.write(bench.frame(Ping(k)) * 10)
-        bench.drive_for_ms(50, 400)
-    measured = board.stats()
-    assert 60 < measured.masked_worst_cycles <= 320
-    assert 0 < measured.byte_wait_worst_cycles < 640
+# --- Repeatable ---------------------------------------------------------------------------------
 
 
 def test_equal_runs_are_equal_however_they_are_cut(make_board: MakeBoard) -> None:

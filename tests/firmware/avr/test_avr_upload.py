@@ -66,7 +66,7 @@ def test_another_build_than_the_one_uploaded_is_told(built: Path, monkeypatch: p
     monkeypatch.setattr(flash_firmware, "build_id", lambda _: 0x01020304)
     with (
         UploadBench(AvrBoard(elf=built / "uno.elf", library=built / "librig.so")) as bench,
-        pytest.raises(DeviceError, match="answers with build [0-9a-f]{8}, not 01020304"),
+        pytest.raises(DeviceError, match=r"answers with build [0-9a-f]{8}, not 01020304"),
     ):
         flash_firmware.flash(bench.path, "uno")
 
