@@ -32,9 +32,9 @@ class Tap:
 
     def write(self, data: bytes) -> None:
         """Send all of `data`."""
-        self._line.write(data)
         self.bytes_to_robot += len(data)
-        self._pass_on(self.to_robot, False, data)
+        self._pass_on(self.to_robot, False, data)  # first: a listener further on must not know it earlier
+        self._line.write(data)
 
     def read(self) -> bytes:
         """What has arrived since the last call."""
