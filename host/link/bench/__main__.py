@@ -76,7 +76,7 @@ def run(measure: Callable[[Any], Any], options: Any) -> int:
     show(result)
     if options.json is not None:
         write_result(result, options.json)
-    if options.html is not None:
+    if options.html is not None and result.command != "report":  # which has its own page
         write_whole(options.html, page([result]))
     return {Grade.UNSAFE: EXIT_SAFETY, Grade.FAULTY: EXIT_DEVICE}.get(result.verdict.grade, EXIT_DONE)
 

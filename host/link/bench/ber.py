@@ -1,4 +1,4 @@
-"""Bit errors: what they cost at rates from none to 1 in 1000, and that no wrong command ever comes of them."""
+"""Bit errors: what they cost at rates from none to 1 in 1000, and that no wrong command comes of them."""
 
 from __future__ import annotations
 

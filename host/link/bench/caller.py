@@ -41,8 +41,8 @@ class Caller:
             now_s = target.clock.now_s()
             if now_s >= give_up_s:
                 raise DeviceError(
-                    f"{target.uri}: no whole frame within {ANSWER_S:g} s: check that the robot has power, that "
-                    "this is its port, and that its firmware is flashed"
+                    f"{target.uri}: no whole frame within {ANSWER_S:g} s: check that the robot has power, "
+                    "that this is its port, and that its firmware is flashed"
                 )
             if now_s - asked_s >= ASK_AGAIN_S:
                 self.send(HelloRequest(PROTOCOL_VERSION, SCHEMA_HASH))

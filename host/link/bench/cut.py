@@ -117,8 +117,8 @@ def verdict(tries: list[Tries], braking_ms: float, standing_ms: float) -> Verdic
         findings.append(
             Finding(
                 Grade.HEALTHY,
-                f"Healthy. The line died {count} times in {len(tries)} ways; the robot braked within {brakes:.0f} "
-                f"ms and stood within {stands:.0f} ms of the last command.",
+                f"Healthy. The line died {count} times in {len(tries)} ways; the robot braked within "
+                f"{brakes:.0f} ms and stood within {stands:.0f} ms of the last command.",
             )
         )
     return Verdict(tuple(sorted(findings, key=lambda finding: -finding.grade)))

@@ -9,7 +9,7 @@ from host.link.protocol import DEAD_MAN_US, Drive, State, Telemetry
 
 
 class SetpointAges:
-    """Sees a tap's frames; `ages_ms` has, for every telemetry while driving, the age of the setpoint obeyed."""
+    """Sees a tap's frames; `ages_ms` has, for each telemetry while driving, the age of the setpoint obeyed."""
 
     def __init__(self) -> None:
         self.ages_ms: list[float] = []

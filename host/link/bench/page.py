@@ -19,8 +19,10 @@ body { font: 16px/1.45 system-ui, sans-serif; margin: 0 auto; max-width: 46rem; 
 h1 { font-size: 1.4rem; } h2 { font-size: 1.15rem; margin: 2.2rem 0 0.3rem; }
 .about { color: #666; font-size: 0.85rem; overflow-wrap: anywhere; margin: 0.2rem 0 0.8rem; }
 .verdict { border-left: 0.4rem solid; padding: 0.5rem 0.8rem; border-radius: 0.2rem; margin: 0.6rem 0; }
-.healthy { border-color: #3c8f57; background: #eaf5ee; } .note { border-color: #7a8fa6; background: #eef2f6; }
-.faulty { border-color: #d18b1f; background: #fdf3e1; } .unsafe { border-color: #b5302e; background: #fbe7e6; }
+.healthy { border-color: #3c8f57; background: #eaf5ee; }
+.note { border-color: #7a8fa6; background: #eef2f6; }
+.faulty { border-color: #d18b1f; background: #fdf3e1; }
+.unsafe { border-color: #b5302e; background: #fbe7e6; }
 .scroll { overflow-x: auto; } table { border-collapse: collapse; font-size: 0.88rem; width: 100%; }
 th, td { padding: 0.3rem 0.6rem; border-bottom: 1px solid #e4e4e4; text-align: right; white-space: nowrap; }
 th:first-child, td:first-child { text-align: left; white-space: normal; }
@@ -55,10 +57,11 @@ def _section(result: Result) -> str:
 
     settings = ", ".join(f"{name} {_setting(value)}" for name, value in result.settings.items())
     about = f"{result.robot} · {result.when}" + (f" · {settings}" if settings else "")
+    grade = result.verdict.grade.name.lower()
     parts = [
         f"<h2>{html.escape(result.command)}</h2>\n",
         f'<p class="about">{html.escape(about)}</p>\n',
-        f'<div class="verdict {result.verdict.grade.name.lower()}">{html.escape(result.verdict.text)}</div>\n',
+        f'<div class="verdict {grade}">{html.escape(result.verdict.text)}</div>\n',
         _table(result),
     ]
     for plot in result.plots:

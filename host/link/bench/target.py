@@ -65,5 +65,6 @@ def check_wheels_up(uri: str, wheels_up: bool) -> None:
     """UsageError unless the wheels of a robot that is not simulated may turn."""
     if not (wheels_up or is_simulated(uri)):
         raise UsageError(
-            f"robot {uri}: this makes the wheels turn: put the robot on blocks, wheels free, then add --wheels-up"
+            f"robot {uri}: this makes the wheels turn: put the robot on blocks, wheels free, "
+            "then add --wheels-up"
         )
