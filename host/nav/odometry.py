@@ -2,7 +2,7 @@
 
 A count says that a wheel is somewhere within one cell of 0.5 cm; the time of an edge says when it stood
 exactly on a cell's border. Between edges a wheel is taken to turn evenly, so that on steady motion the
-travel is known to a small part of a count.
+travel is known to a small part of a count; where the borders lie, if not evenly, is learnt (see marks.py).
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 from host.link.protocol import NO_EDGE_US, Telemetry
 from host.nav.config import BodyConfig
+from host.nav.marks import Marks
 from host.pose import Pose
 
 HISTORY_S = 1.0  # poses can be asked for this far back
@@ -36,13 +37,19 @@ class WheelReading:
     count_right: int
     edge_left_s: float | None  # time of the wheel's last edge; None before the first one
     edge_right_s: float | None
+    direction_left: int = 0  # of that edge: 1 forward, -1 backward, 0 not known
+    direction_right: int = 0
 
     @staticmethod
     def of(report: Telemetry, t_s: float) -> WheelReading:
         """What a telemetry message says, which held at host time ``t_s``."""
         ages = (report.edge_age_left_us, report.edge_age_right_us)
         left, right = (None if age == NO_EDGE_US else t_s - 1e-6 * age for age in ages)
-        return WheelReading(t_s, report.count_left, report.count_right, left, right)
+        counts, directions = (
+            (report.count_left, report.count_right),
+            (report.direction_left, report.direction_right),
+        )
+        return WheelReading(t_s, *counts, left, right, *directions)
 
 
 class Wheel:
@@ -52,20 +59,22 @@ class Wheel:
         self._cell = cm_per_count
         self._zero = count + 0.5  # at the start the wheel is taken to stand in the middle of its cell
         self._count = count
+        self._border = count  # of the last edge
+        self._marks = Marks()
         self._edge_s: float | None = None
-        self._sign = 1.0
+        self._sign = 1
         self._t = [t_s]  # knots: time, travel
         self._s = [0.0]
         self._resting = True  # the last knot says where the wheel stands, and moves on in time
         self._heard_s = t_s  # up to here it is known that no further edge has come
         self.edges = 0
 
-    def add(self, t_s: float, count: int, edge_s: float | None) -> None:
+    def add(self, t_s: float, count: int, edge_s: float | None, direction: int = 0) -> None:
         """One reading; an edge without a count is the one known already, or there and back again."""
         self._heard_s = t_s
         known = self._edge_s is not None and edge_s is not None and abs(edge_s - self._edge_s) < SAME_EDGE_S
         if edge_s is not None and (count != self._count or not known):
-            self._add_edge(edge_s, count)
+            self._add_edge(edge_s, count, direction)
         elif self._resting:
             self._t[-1] = max(self._t[-1], t_s)
         elif t_s - self._t[-1] > max(REST_S, 4 * self._cell / max(self._speed(), 1e-9)):
@@ -75,15 +84,15 @@ class Wheel:
                 self._s.append(middle)
             self._resting = True
 
-    def _add_edge(self, edge_s: float, count: int) -> None:
-        if count > self._count:
-            border = count
-        elif count < self._count:
-            border = count + 1
-        else:  # there and back within one reading: the border it was nearer to
+    def _add_edge(self, edge_s: float, count: int, direction: int) -> None:
+        if direction == 0 and count == self._count:  # there and back, whichever came last
             border = round(self._s[-1] / self._cell + self._zero)
-        travel = (border - self._zero) * self._cell
-        self._sign = 1.0 if count >= self._count else -1.0
+            direction = 1 if border == count else -1
+        direction = direction or (1 if count > self._count else -1)
+        border = count if direction > 0 else count + 1
+        self._marks.hear(edge_s, border)
+        travel = (self._marks.place(border) - self._zero) * self._cell
+        self._border, self._sign = border, direction
         self._count, self._edge_s = count, edge_s
         self._resting = False
         self.edges += 1
@@ -102,8 +111,16 @@ class Wheel:
             return 0.0
         return abs(self._s[-1] - self._s[-2]) / (self._t[-1] - self._t[-2])
 
+    def _to_next(self) -> float:
+        """Counts from the last edge to the next one in the same direction; about 1."""
+        return abs(self._marks.place(self._border + self._sign) - self._marks.place(self._border))
+
     def velocity(self) -> float:
         return self._sign * self._speed()
+
+    def restart(self) -> None:
+        """The counts go on, but what was learnt of the single edges is no longer true."""
+        self._marks.forget()
 
     def shift(self, cm: float) -> None:
         """Correct where in its cell the wheel stood at the start."""
@@ -115,12 +132,13 @@ class Wheel:
         if t_s >= self._t[-1]:
             if self._resting:
                 return self._s[-1]
-            speed = self._speed() / self._cell  # cells a second
+            cell = self._cell * self._to_next()
+            speed = self._speed() / cell  # cells a second
             u = speed * (min(t_s, self._heard_s) - self._t[-1])
             if u > 1:
                 speed, u = speed / u**2, 0.5 + 0.5 / u
             u += speed * min(max(0.0, t_s - self._heard_s), AHEAD_S)
-            return self._s[-1] + self._sign * self._cell * u
+            return self._s[-1] + self._sign * cell * u
         k = bisect_right(self._t, t_s)
         if k == 0:
             return self._s[0]
@@ -134,8 +152,9 @@ class Wheel:
         late = t_s > self._t[-1] + 2 * self._cell / max(self._speed(), 1e-9)
         if self._resting or late or len(self._t) < 3:
             return self._cell * REST_SIGMA_COUNTS
-        last, before = self._t[-1] - self._t[-2], self._t[-2] - self._t[-3]
-        change = abs(last - before) / max(last, before)
+        (a, b, c), (p, q, r) = self._t[-3:], self._s[-3:]
+        before, last = abs((q - p) / (b - a)), abs((r - q) / (c - b))
+        change = abs(last - before) / max(last, before, 1e-9)
         return self._cell * min(REST_SIGMA_COUNTS, EVEN_SIGMA_COUNTS + CHANGE_SIGMA_COUNTS * change)
 
     def knots(self, t0: float, t1: float) -> list[float]:
@@ -185,6 +204,9 @@ class Odometry:
         What they turned until its firmware ran again, nobody has counted.
         """
         self._zeros = self._counts or (0, 0)
+        for wheel in (self._left, self._right):
+            if wheel is not None:
+                wheel.restart()
 
     def add(self, reading: WheelReading) -> None:
         """Take one reading; readings out of order are ignored."""
@@ -202,8 +224,8 @@ class Odometry:
         before = self._counts or counts
         self._rolled = [n + abs(b - a) for n, a, b in zip(self._rolled, before, counts, strict=True)]
         self._counts = counts
-        self._left.add(r.t_s, r.count_left, r.edge_left_s)
-        self._right.add(r.t_s, r.count_right, r.edge_right_s)
+        self._left.add(r.t_s, r.count_left, r.edge_left_s, r.direction_left)
+        self._right.add(r.t_s, r.count_right, r.edge_right_s, r.direction_right)
         self._find_phase()
         if r.t_s - HISTORY_S > self._base[0]:
             base_t = r.t_s - HISTORY_S

@@ -154,6 +154,35 @@ def test_a_wheel_that_stops_and_goes_on_is_right_again_at_the_next_edge():
     assert wheel.travel(2.0) - wheel.travel(0.5) == 0.5
 
 
+def test_after_a_restart_of_the_robot_the_path_goes_on_where_it_was():
+    whole, cut = Odometry(BODY), Odometry(BODY)
+    zero = before = 0
+    for k in range(301):
+        t = k / 100
+        count, edge = edge_before(20.0 * t, 20.0, t, BODY.cm_per_count)
+        whole.add(WheelReading(t, count, count, edge, edge))
+        if k == 150:
+            cut.restart()
+            zero = before
+        known = edge if k < 150 or count > zero else None  # the new start has seen no edge yet
+        cut.add(WheelReading(t, count - zero, count - zero, known, known))
+        before = count
+    assert np.allclose(cut.pose_at(3.0).position_cm, whole.pose_at(3.0).position_cm, atol=1e-6)
+    assert cut.rolled_cm == whole.rolled_cm
+
+
+def test_the_direction_of_an_edge_tells_which_border_it_crossed():
+    wheel = Wheel(0.5, 0.0, 0)
+    wheel.add(0.1, 1, 0.1, 1)
+    assert wheel.travel(0.1) == 0.25
+    wheel.add(0.3, 1, 0.25, -1)  # on to 2 and back: the border between 1 and 2
+    assert wheel.travel(0.25) == 0.75
+    wheel.add(0.5, 0, 0.45, -1)
+    assert wheel.travel(0.45) == 0.25
+    wheel.add(0.7, -1, 0.6, 1)  # to -2 and back: the border between -2 and -1
+    assert wheel.travel(0.6) == -0.75
+
+
 def test_readings_out_of_order_are_ignored():
     odometry = drive_evenly(10.0, 10.0, 1.0)
     before = odometry.pose_at(1.0).position_cm
