@@ -103,27 +103,6 @@ def test_the_edge_age_told_leads_back_to_the_moment_of_the_edge(bench: Bench) ->
 # --- Counting -----------------------------------------------------------------------------------
 
 
-def test_no_count_is_lost_at_5000_a_second_on_both_wheels_with_the_line_busy_both_ways(bench: Bench) -> None:
-    places = [0, 0]
-    flood = bench.frame(Ping(1)) * 4  # as many answers as the line takes
-    for block in range(60):
-        start_us = bench.board.time_us
-        forward = block % 7 < 4
-        for k in range(250):  # 50 ms, reversals between blocks
-            for side in Side:
-                places[side] += 1 if forward ^ (side == Side.RIGHT and block % 3 == 0) else -1
-                at_us = start_us + 200 * k + 20 + (73 if side == Side.RIGHT and block % 2 else 0)
-                bench.board.set_encoder_pins(side, *FORWARD_PINS[places[side] % 4], at_us)
-        for _ in range(20):
-            bench.board.write(flood)
-            bench.board.step(2500)
-    bench.board.step(50_000)
-    told = bench.hear_telemetry()
-    assert (told.count_left, told.count_right) == tuple(places)
-    assert (told.illegal_left, told.illegal_right) == (0, 0)
-    assert bench.board.stats().rx_overruns == 0  # type: ignore[attr-defined]
-
-
 def test_every_transition_counts_as_the_c_decoder_says(bench: Bench) -> None:
     reference = Bench(Board())
     pins = [(bool(n & 1), bool(n & 2)) for n in (0, 1, 3, 2, 3, 0, 2, 0, 3, 1, 0, 0, 3, 2, 1, 3, 1, 2, 0)]
