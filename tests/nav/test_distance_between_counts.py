@@ -1,7 +1,7 @@
 """How well the host knows a wheel's travel between two counts: firmware, line and many motors simulated.
 
-Raw counts of 0.5 cm are off by 0.5 / sqrt(12) = 0.14 cm. It is the present that counts, not what is known once
-the next edge has come; where in its cell a wheel stood at first is not looked at, as it shifts all travel alike.
+Raw counts of 0.5 cm are off by 0.5 / sqrt(12) = 0.14 cm. It is the present that counts, not what is known
+once the next edge has come. Where in its cell a wheel stood at first shifts all travel alike and is left out.
 """
 
 from __future__ import annotations
