@@ -57,6 +57,22 @@ def test_an_empty_interrupt_takes_the_11_cycles_of_silicon(run_program: RunProgr
     assert clock.worst_cycles == 4 + 3 + 4  # entry, the vector's jump, return
 
 
+def test_interrupts_that_wait_together_run_in_the_order_of_their_vectors(run_program: RunProgram) -> None:
+    board = run_program(
+        "volatile unsigned char at, order[4];"
+        "ISR(TIMER0_OVF_vect) { order[at++] = 'o'; TIMSK0 = 0; }"
+        "ISR(TIMER2_COMPA_vect) { order[at++] = 'm'; TIMSK2 = 0; }"
+        "ISR(PCINT1_vect) { order[at++] = 'e'; }"
+        "int main(void) { line(7); TCCR0B = 1; TCCR2B = 1; OCR2A = 100; PCMSK1 = 15; PCICR = 2;"
+        " TIMSK0 = 1; TIMSK2 = 2; while (!(PINC & 1)) {} while (!(TIFR0 & 1 && TIFR2 & 2 && PCIFR & 2)) {}"
+        " sei(); while (at < 3) {} for (char k = 0; k < 3; k++) say(order[k]); for (;;) {} }"
+    )
+    board.step(500)
+    board.set_encoder_pins(Side.LEFT, True, False)
+    board.step(500)
+    assert board.read() == b"emo"
+
+
 def test_a_byte_takes_ten_bit_times_either_way(run_program: RunProgram) -> None:
     board = run_program(
         "int main(void) { line(7); for (;;) { while (!(UCSR0A & 1 << RXC0)) {} say(UDR0); } }"
