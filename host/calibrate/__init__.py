@@ -1,0 +1,1 @@
+"""Measuring what differs from robot to robot."""
