@@ -11,6 +11,7 @@ from typing import NamedTuple, Self
 from host.errors import DeviceError
 from host.link.clock import Clock, RobotClock
 from host.link.explain import RESETS
+from host.link.orders import Order
 from host.link.parameters import PARAMETERS, Param
 from host.link.protocol import (
     BAUD,
@@ -148,6 +149,7 @@ class Robot:
         self._connected_s = float("-inf")
         self._polled_s = float("-inf")
         self._unread: deque[Telemetry] = deque(maxlen=UNREAD_MAX)  # of the open session
+        self._order: Order | None = None  # the last one given
         self._errand: Errand | None = None  # the last one begun
         self._values: dict[Param, int] = {}  # parameters that the robot has told
 
@@ -195,6 +197,7 @@ class Robot:
             if self._known is None or self._known.boot_nonce != hello.boot_nonce:
                 self._errand.lose()
                 self._errand = None
+        self._order = None
         self._hello = self._known = hello
         self._lost_event = self._ended = None
         self._unread = deque((r for r in self._unread if r.boot_nonce == hello.boot_nonce), UNREAD_MAX)
@@ -333,24 +336,33 @@ class Robot:
         self._session()
         if not (math.isfinite(v_mm_s) and math.isfinite(omega_rad_s)):
             raise ValueError(f"no speed to drive at: {v_mm_s} mm/s, {omega_rad_s} rad/s")
-        setpoint = Drive(round(v_mm_s), round(omega_rad_s * 1000), self._deadline_us(self._clock.now_s()))
-        self._withdraw()
-        self._send(setpoint)
+        self._give(Drive(round(v_mm_s), round(omega_rad_s * 1000), self._deadline_us(self._clock.now_s())))
 
     def stop(self, how: StopHow = StopHow.BRAKE) -> None:
         """Brake to a standstill, or roll out with `how` COAST; ends a move."""
-        self._withdraw()
-        self._send(Stop(how))
+        self._give(Stop(how))
 
     def estop(self) -> None:
         """Motors off at once, latched until `clear`; needs no session."""
-        self._withdraw()
         for _ in range(ESTOP_COPIES):
-            self._send(EStop())
+            self._give(EStop())
 
     def clear(self) -> None:
         """Unlatch the fault; the next telemetry tells whether its cause is gone."""
         self._send(Clear(self._session().boot_nonce))
+
+    def _give(self, message: Drive | Stop | EStop) -> None:
+        """Send what replaces all that was wanted before; `poll` repeats it if it gets lost."""
+        if self._errand is not None:
+            self._errand.withdraw()
+        seq = self._seq
+        self._send(message)
+        self._order = Order(message, self._clock.now_s(), seq)
+
+    def _serve_order(self, now_s: float) -> None:
+        if self._order is not None and self._order.is_due(now_s):
+            self._order.sent(now_s, self._seq)
+            self._send(self._order.message)
 
     # --- Requests: done once or not at all ------------------------------------------------------
 
@@ -473,6 +485,7 @@ class Robot:
             number = self._errand.number  # it was never taken; a late copy of it must not be this one
         now_s = self._clock.now_s()
         self._errand = Errand(make, (number + 1) & 0xFFFF, is_move=is_move, begun_s=now_s)
+        self._order = None  # a STOP that is repeated now would end the move
         self._serve_errand(now_s)
         return self._errand
 
@@ -485,10 +498,6 @@ class Robot:
             self._send(request)
         elif errand.keep_alive(now_s):
             self._send(KeepAlive(expires_us))
-
-    def _withdraw(self) -> None:
-        if self._errand is not None:
-            self._errand.withdraw()
 
     def _deadline_us(self, now_s: float) -> int:
         return self._robot_clock.mcu_time_us(now_s + DEAD_MAN_US * 1e-6)
@@ -527,7 +536,9 @@ class Robot:
             if raising:
                 raise self._lose(self._ended)
             return self._ended
-        self._serve_errand(self._clock.now_s())
+        now_s = self._clock.now_s()
+        self._serve_order(now_s)
+        self._serve_errand(now_s)
         return None
 
     def _trouble(self, hello: Hello, paused_s: float) -> str | None:
@@ -559,7 +570,7 @@ class Robot:
     def _lose(self, why: str) -> DeviceError:
         """The session is over; what to tell the caller."""
         if self._hello is not None:
-            self._hello = None
+            self._hello = self._order = None
             self._lost_event = Event(self._clock.now_s(), why)
             self._note(f"lost: {why}")
         return DeviceError(f"{why}; connect again")
@@ -605,7 +616,9 @@ class Robot:
                 self.latest = message
                 if self._hello is None or message.boot_nonce == self._hello.boot_nonce:
                     self._unread.append(message)
-                    if self._errand is not None and self._hello is not None:
+                    if self._hello is not None and self._order is not None:
+                        self._order.hear(message)
+                    if self._hello is not None and self._errand is not None:
                         self._errand.hear(message, now_s)
             case Pong():
                 arrived_s = self._pings.pop(message.host_time_us, None)
@@ -618,6 +631,8 @@ class Robot:
             case Nack():
                 self.refusals += 1
                 self.last_refusal = message
+                if self._order is not None:
+                    self._order.hear(message)
                 self._session_refused |= message.reason == Refusal.NO_SESSION
             case LinkStatus():
                 self.robot_counters = message

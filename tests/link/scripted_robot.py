@@ -142,7 +142,7 @@ class ScriptedRobot:
     def telemetry(self, t_s: float) -> Telemetry:
         mcu_us = self.mcu_us(t_s)
         return Telemetry(
-            mcu_us, self.state, self.fault, 0, 0, 0, 0, 0, 0, 0, 0, 7400, 0, 0, self.nonce, 0,
+            mcu_us, self.state, self.fault, 0, 0, 0, 0, 0, 0, 0, 0, 7400, 0, 0, self.nonce, self._drive_seq,
             0, 0, self.request, self.outcome, self.reason,
         )  # fmt: skip
 
@@ -153,6 +153,7 @@ class ScriptedRobot:
         self.fault = Fault.ESTOP_BUTTON if self.button_pressed else Fault.NONE
         self.request, self.outcome, self.reason = 0, Outcome.NONE, Refusal.NONE
         self.values = {param: known.default for param, known in PARAMETERS.items()}
+        self._drive_seq = 0
         self._over_s = float("inf")  # when what runs is done
         self._obeyed_s = t_s  # last DRIVE, MOVE, TURN or KEEP_ALIVE
         self._decoder = Decoder(to_host=False)
@@ -195,6 +196,8 @@ class ScriptedRobot:
         for seq, message in self._decoder.feed(data):
             self.heard.append((self.mcu_us(t_s), message))
             refusal = self._obey(message, t_s)
+            if isinstance(message, Drive) and refusal == Refusal.NONE:
+                self._drive_seq = seq
             if refusal != Refusal.NONE:
                 self.send(Nack(message.ID, seq, refusal), t_s)
 
