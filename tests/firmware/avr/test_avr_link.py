@@ -1,0 +1,43 @@
+"""The client, a bad line and the real program: the figures of tests/link, on the ATmega."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from host.sim import rolling
+from host.sim.avr.board import AvrBoard
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "link"))
+from bad_line_bench import (
+    NOISY,
+    ROUGH,
+    Bench,
+    move_often,
+    percentile,
+    setpoint_ages_ms,
+    write_often,
+)  # fmt: skip
+
+
+@pytest.fixture(autouse=True)
+def real_program(make_board: Callable[..., AvrBoard], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rolling, "AvrBoard", make_board)
+
+
+def test_with_bit_errors_setpoints_stay_fresh_and_nothing_stops():
+    ages_ms = setpoint_ages_ms(Bench(NOISY, 1, avr=True), 60.0)
+    p99 = percentile(ages_ms, 0.99)
+    print(f"\nsetpoint age p50 {percentile(ages_ms, 0.5):.1f}, p99 {p99:.1f}, most {max(ages_ms):.1f} ms")
+    assert p99 <= 60.0
+
+
+def test_two_hundred_moves_are_each_done_exactly_once():
+    move_often(Bench(ROUGH, 5, avr=True), 200)
+
+
+def test_parameters_are_written_and_saved_exactly_once():
+    write_often(Bench(ROUGH, 6, avr=True), 100)
