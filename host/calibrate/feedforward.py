@@ -31,7 +31,7 @@ class Start:
 
 @dataclass(frozen=True)
 class MotorFit:
-    """duty = static + velocity * speed + acceleration * (speed gained per second), in the direction of travel."""
+    """duty = static + velocity * speed, both in the direction of travel."""
 
     static: float  # share of a full battery's voltage
     velocity: float  # per unit of speed
@@ -73,7 +73,7 @@ def _line(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
 
 
 def fit_acceleration(starts: Sequence[Start], fit: MotorFit) -> float:
-    """Duty per speed gained in a second: what was pushed more than the way explains, over the speed reached."""
+    """Duty per speed gained in a second: what was pushed beyond what the way took, over the speed reached."""
     if not starts:
         raise ValueError("at least one start from rest is needed")
     speed = np.array([s.speed for s in starts])

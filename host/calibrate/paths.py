@@ -1,4 +1,4 @@
-"""Ways as the encoders told them, reckoned with any sizes of wheels and track; and the sizes that fit a tape."""
+"""Ways as encoders told them, reckoned with any sizes of wheels and track; and the sizes that fit a tape."""
 
 from __future__ import annotations
 

@@ -62,7 +62,7 @@ class SimulatedTape:
 class PersonWithTape:
     """Asks on the terminal; `meanwhile` is called ten times a second, so that the robot is not left alone."""
 
-    def __init__(self, meanwhile: Callable[[], None], ask: Callable[[str], None] | None = None) -> None:
+    def __init__(self, meanwhile: Callable[[], object], ask: Callable[[str], None] | None = None) -> None:
         self._meanwhile = meanwhile
         self._ask = ask or (lambda text: print(text, end="", file=sys.stderr, flush=True))
 

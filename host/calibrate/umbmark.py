@@ -69,7 +69,7 @@ def benchmark(returns: Sequence[Return]) -> Benchmark:
         degrees += 2 * (len(of_way) - 1)
         centres.append((float(centre[0]), float(centre[1])))
     runs = min(sum(r.clockwise == way for r in returns) for way in (True, False))
-    return Benchmark(*centres, math.sqrt(squares / degrees) if degrees else math.nan, runs)
+    return Benchmark(centres[0], centres[1], math.sqrt(squares / degrees) if degrees else math.nan, runs)
 
 
 @dataclass(frozen=True)

@@ -37,7 +37,8 @@ MEASURED_S = 1.0  # at it
 SPEED_SHARES = (0.2, 0.4, 0.6, 0.8)  # of the fastest
 STRAIGHTS = 2
 WANTED_MM = 10.0  # to which a centre of gravity should be known
-SIZE_STEPS = 12  # um per count either way in which whole numbers are sought that keep the ratio
+SIZE_STEPS = 5  # um per count either way in which whole numbers are sought that keep the ratio
+SCALE_WEIGHT = 0.02  # a wrong scale is so much less bad than a wrong ratio
 
 
 @dataclass(frozen=True)
@@ -57,8 +58,8 @@ class WheelsOptions:
 
     def __post_init__(self) -> None:
         limits = {
-            "side_mm": (500.0, 20_000.0), "straight_mm": (500.0, 20_000.0), "runs": (1, 100), "checks": (1, 100),
-            "speed_mm_s": (50.0, 1000.0), "rate_rad_s": (0.2, 6.0),
+            "side_mm": (500.0, 20_000.0), "straight_mm": (500.0, 20_000.0),
+            "runs": (1, 100), "checks": (1, 100), "speed_mm_s": (50.0, 1000.0), "rate_rad_s": (0.2, 6.0),
         }  # fmt: skip
         for name, (lowest, highest) in limits.items():
             value = getattr(self, name)
@@ -244,10 +245,10 @@ class Calibrator:
 
     def write_sizes(self, sizes: Sizes) -> None:
         """As whole micrometres, chosen so that the ratio of the wheels is kept best."""
-        left, right = whole_sizes(sizes.um_left, sizes.um_right)
+        left, right, track = whole_sizes(sizes)
         self._write(Param.UM_PER_COUNT_LEFT, left)
         self._write(Param.UM_PER_COUNT_RIGHT, right)
-        self._write(Param.TRACK_UM, round(sizes.track_um))
+        self._write(Param.TRACK_UM, track)
 
     # --- The robot ------------------------------------------------------------------------------
 
@@ -330,18 +331,19 @@ class RawStart:
         return Start(self.way, self.speed, push)
 
 
-def whole_sizes(left: float, right: float) -> tuple[int, int]:
-    """Whole numbers near both whose ratio is as near to theirs: the ratio bends the way, the scale does not."""
-    best = None
-    for a in range(round(left) - SIZE_STEPS, round(left) + SIZE_STEPS + 1):
-        b = round(a * right / left)
-        ratio = abs(b / a * left / right - 1)
-        scale = abs((a + b) / (left + right) - 1)
-        cost = ratio + 0.02 * scale
-        if best is None or cost < best[0]:
-            best = cost, a, b
-    assert best is not None
-    return best[1], best[2]
+def whole_sizes(sizes: Sizes) -> tuple[int, int, int]:
+    """Whole micrometres near the sizes of both wheels and the track.
+
+    The ratios are kept best, for they bend the way; a wrong scale only stretches it, by 0.1 % at most.
+    """
+    total = sizes.um_left + sizes.um_right
+    best = math.inf, 0, 0
+    for left in range(round(sizes.um_left) - SIZE_STEPS, round(sizes.um_left) + SIZE_STEPS + 1):
+        right = round(left * sizes.um_right / sizes.um_left)
+        bend = abs(right / left * sizes.um_left / sizes.um_right - 1)
+        best = min(best, (bend + SCALE_WEIGHT * abs((left + right) / total - 1), left, right))
+    _, left, right = best
+    return left, right, round(sizes.track_um * (left + right) / total)
 
 
 def _sizes(values: dict[Param, int]) -> Sizes:
@@ -391,11 +393,7 @@ def calibrate(options: WheelsOptions, rolling: RollingRobot | None = None) -> Ca
     line = SerialPort(options.robot) if rolling is None else rolling.line()
     with Robot(line, clock) as robot:
         robot.connect()
-        tape: Tape = (
-            PersonWithTape(lambda: None if robot.poll() else None)
-            if rolling is None
-            else SimulatedTape(rolling, options.seed)
-        )
+        tape: Tape = PersonWithTape(robot.poll) if rolling is None else SimulatedTape(rolling, options.seed)
         calibrator = Calibrator(robot, clock, tape, options)
         with progress("calibrating", calibrator.steps) as advance:
             return calibrator.run(advance)
@@ -448,11 +446,12 @@ def sentences(result: Calibration, options: WheelsOptions) -> list[str]:
     ]
     if math.isfinite(after.scatter_mm):
         lines.append(
-            f"One square scatters by {after.scatter_mm:.0f} mm: {after.runs_needed(WANTED_MM)} in each direction "
-            f"tell the systematic error to {WANTED_MM:.0f} mm."
+            f"One square scatters by {after.scatter_mm:.0f} mm: {after.runs_needed(WANTED_MM)} in each "
+            f"direction tell the systematic error to {WANTED_MM:.0f} mm."
         )
     mean_cm = (sizes.um_left + sizes.um_right) / 2e4
     lines.append(
-        f"Now write into robot.toml, [body]: cm_per_count = {mean_cm:.4f}, track_cm = {sizes.track_um / 1e4:.2f}"
+        f"Now write into robot.toml, [body]: cm_per_count = {mean_cm:.4f}, "
+        f"track_cm = {sizes.track_um / 1e4:.2f}"
     )
     return lines

@@ -45,7 +45,7 @@ def main(arguments: list[str] | None = None) -> int:
     """The command."""
     arguments = sys.argv[1:] if arguments is None else arguments
     if not arguments or arguments[0] in ("-h", "--help"):
-        print(__doc__.strip())
+        print((__doc__ or "").strip())
         return EXIT_DONE
     name = arguments[0]
     if name not in COMMANDS:

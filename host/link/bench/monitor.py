@@ -14,7 +14,7 @@ from pathlib import Path
 from host.errors import UsageError
 from host.link.bench.capture import CaptureWriter
 from host.link.bench.frames import BROKEN, Frame
-from host.link.bench.result import Result
+from host.link.bench.result import Cell, Result
 from host.link.bench.target import open_target
 from host.link.bench.verdict import judge
 from host.link.bench.witness import Witness, without_rtt
@@ -73,7 +73,9 @@ def result_of(command: str, robot: str, witness: Witness, tally: Counter[str]) -
     """A table of what was heard, and the verdict."""
     evidence = witness.evidence()
     seconds = evidence.seconds
-    rows = [[name, count, count / seconds if seconds else None] for name, count in sorted(tally.items())]
+    rows: list[list[Cell]] = [
+        [name, count, count / seconds if seconds else None] for name, count in sorted(tally.items())
+    ]
     rows.append(["lost, by their numbers", evidence.host.get("lost", 0), None])
     return Result(
         command, robot, {"seconds": round(seconds, 3)}, ["frames", "count", "a second"], rows, judge(evidence),

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections import Counter
-
 from host.link.bench.frames import Frame
 from host.link.protocol import DEAD_MAN_US, Drive, State, Telemetry
 
 
 class SetpointAges:
-    """Sees a tap's frames; `ages_ms` has, for each telemetry while driving, the age of the setpoint obeyed."""
+    """Sees a tap's frames; `ages_ms` has, for each telemetry while driving, the age of its setpoint."""
 
     def __init__(self) -> None:
         self.ages_ms: list[float] = []
@@ -27,8 +25,11 @@ class SetpointAges:
                 self.ages_ms.append((age_us - (1 << 32) if age_us >= 1 << 31 else age_us) * 1e-3)
 
 
+REMEMBERED = 4096  # frames sent; none is under way for longer
+
+
 class Comparison:
-    """What the host sent against what reached the robot whole: `wrong` counts what nobody had sent.
+    """What the host sent against what reached the robot whole: `wrong` has what nobody had sent.
 
     Give `sent` to the tap on the host's side of the faults and `arrived` to the one on the robot's.
     """
@@ -37,26 +38,29 @@ class Comparison:
         self.wrong: list[Frame] = []
         self.arrived_frames = 0
         self.in_a_row = 0  # most frames lost between two that arrived
-        self._sent: Counter[bytes] = Counter()
-        self._order: dict[bytes, int] = {}  # when it was last sent, in frames
+        self._order: dict[bytes, int] = {}  # when each was last sent, in frames; oldest first
         self._count = 0
         self._last = 0
 
     def sent(self, frame: Frame) -> None:
         """Take note of what the host sends."""
-        if not frame.to_host:
-            self._count += 1
-            self._sent[frame.coded] += 1
-            self._order[frame.coded] = self._count
+        if frame.to_host:
+            return
+        self._count += 1
+        self._order.pop(frame.coded, None)
+        self._order[frame.coded] = self._count
+        if len(self._order) > REMEMBERED:
+            del self._order[next(iter(self._order))]
 
     def arrived(self, frame: Frame) -> None:
-        """Take note of what reaches the robot. The taps hear it before or after it was sent."""
+        """Take note of what reaches the robot, which is after it was sent."""
         if frame.to_host or frame.message is None:
             return
         self.arrived_frames += 1
-        if not self._sent[frame.coded]:
+        order = self._order.get(frame.coded)
+        if order is None:
             self.wrong.append(frame)
             return
-        order = self._order[frame.coded]
-        self.in_a_row = max(self.in_a_row, order - self._last - 1)
-        self._last = order
+        if order > self._last:
+            self.in_a_row = max(self.in_a_row, order - self._last - 1)
+            self._last = order

@@ -10,7 +10,7 @@ from tyro.conf import Positional, arg
 
 from host.errors import UsageError
 from host.link.bench.page import check_plots, page
-from host.link.bench.result import Result, read_result
+from host.link.bench.result import Cell, Result, read_result
 from host.link.bench.verdict import Finding, Verdict
 from host.record.atomic import check_writable, write_whole
 
@@ -37,7 +37,9 @@ def run(options: ReportOptions) -> Result:
         write_whole(options.html, page(results))
     findings = [Finding(f.grade, f"{one.command}: {f.text}") for one in results for f in one.verdict.findings]
     worst = Verdict(tuple(sorted(findings, key=lambda finding: -finding.grade)))
-    rows = [[one.command, one.robot, one.when, one.verdict.grade.name.lower()] for one in results]
+    rows: list[list[Cell]] = [
+        [one.command, one.robot, one.when, one.verdict.grade.name.lower()] for one in results
+    ]
     files = [str(path) for path in options.results]
     return Result(
         "report",

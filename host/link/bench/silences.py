@@ -1,4 +1,4 @@
-"""The ways in which a line can die under a driving robot. None of them sends a command that should be obeyed."""
+"""Ways in which a line can die under a driving robot. None of them sends a command that should be obeyed."""
 
 from __future__ import annotations
 

@@ -129,8 +129,8 @@ def _inside_robot(evidence: Evidence) -> list[Finding]:
         findings.append(
             Finding(
                 Grade.NOTE,
-                f"The robot left {dropped:,} messages unsent for want of room: it was asked for more than the "
-                "line carries.",
+                f"The robot left {dropped:,} messages unsent for want of room: it was asked for more than "
+                "the line carries.",
             )
         )
     return findings
@@ -183,8 +183,8 @@ def _twice(evidence: Evidence) -> list[Finding]:
     return [
         Finding(
             Grade.FAULTY,
-            f"{_count(stale, 'frame')} came twice or out of order: something between the ends repeats them, or "
-            "two programs talk at once.",
+            f"{_count(stale, 'frame')} came twice or out of order: something between the ends repeats them, "
+            "or two programs talk at once.",
         )
     ]
 
