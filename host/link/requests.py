@@ -15,7 +15,7 @@ from host.link.explain import FAULTS, REFUSALS
 from host.link.protocol import Fault, Outcome, Refusal, Request, Telemetry
 
 REPEAT_S = 0.03
-KEEP_ALIVE_S = 0.05
+KEEP_ALIVE_S = 0.02  # nobody confirms it: nine lost in a row, and the robot brakes
 TAKE_S = 1.0  # a request that telemetry does not show after this is not sent any more
 SETTLE_S = 0.3  # after the last time it was sent, until which a copy may still be under way
 
