@@ -1,6 +1,7 @@
 """The main job: look, measure, map, steer, drive, until the goal is reached or something ends the drive.
 
     python host/nav_loop.py --camera sim:room?seed=1 --robot sim: --goal -69,284 --max-time 45 --json out.json
+    python host/nav_loop.py --explore | --approach 20 | --measure-only | --goal 60,120 -60,200
 
 Leaves runs/<time>/ (and runs/latest) with result.json and annotated pictures.
 """
@@ -19,6 +20,7 @@ if __name__ == "__main__":
     begin_command()
 
 import math
+import re
 import signal
 import time
 from dataclasses import dataclass
@@ -35,6 +37,7 @@ from host.nav.gallery import Gallery
 from host.nav.pilot import Pilot, View
 from host.nav.result import DriveLog, new_run_folder, write_json
 from host.nav.rig import open_rig
+from host.nav.task import Approach, Explore, MeasureOnly, Route, Task
 from host.record.atomic import check_writable
 
 RUNS = Path("runs")
@@ -47,9 +50,11 @@ class Options:
 
     camera: str = "sim:room?seed=1"  # sim:room?seed=N, or a webcam's number or device
     robot: str = "sim:"  # sim: with a simulated camera, else a serial port such as /dev/ttyACM0
-    goal: str | None = (
-        None  # X,Z in cm from the camera at the start, to the right and ahead; a room has its own
-    )
+    goal: str | None = None
+    """X,Z in cm from the camera at the start, right and ahead; several make a route; a room has its own"""
+    explore: bool = False  # look at all floor that can be reached
+    approach: float | None = None  # stop this many cm before what is ahead
+    measure_only: bool = False  # drive nothing; somebody else moves the robot
     max_time: float = 45.0  # seconds after which the drive ends wherever it is
     json: Path | None = None  # write the result here as well
     lens: Path | None = None  # camera.json of a real camera
@@ -70,10 +75,37 @@ def parse_goal(text: str, config: Config) -> tuple[float, float]:
     return x, z
 
 
+def parse_route(text: str, config: Config) -> list[tuple[float, float]]:
+    """One goal or several with spaces between."""
+    return [parse_goal(goal, config) for goal in text.split()] or [parse_goal(text, config)]
+
+
+def choose_task(
+    options: Options, route: list[tuple[float, float]], world_goal_cm: tuple[float, float] | None
+) -> tuple[Task, str, tuple[float, float] | None]:
+    """(the task, the task in words, the last goal); the world's own goal where nothing else is asked."""
+    if options.explore:
+        return Explore(), "exploring", None
+    if options.approach is not None:
+        return Approach(options.approach), f"approaching up to {options.approach:g} cm", None
+    if options.measure_only:
+        return MeasureOnly(), "measuring only", None
+    if not route and world_goal_cm is not None:
+        route = [world_goal_cm]
+    if not route:
+        raise UsageError("--goal is missing: write X,Z in cm, such as --goal 0,200 for two metres ahead")
+    return Route(route), "driving to " + " then ".join(f"{x:.0f},{z:.0f} cm" for x, z in route), route[-1]
+
+
 def main() -> int:
     """The command: exit code 0 also for blocked and timeout, which are ends a drive may have."""
-    options, config = read_command_line(Options, _joined_goal(sys.argv[1:]))
-    goal_cm = None if options.goal is None else parse_goal(options.goal, config)
+    options, config = read_command_line(Options, _joined_goals(sys.argv[1:]))
+    route = [] if options.goal is None else parse_route(options.goal, config)
+    asked = [route != [], options.explore, options.approach is not None, options.measure_only]
+    if sum(asked) > 1:
+        raise UsageError("--goal, --explore, --approach and --measure-only exclude each other: give one")
+    if options.approach is not None and not 0 <= options.approach <= 100:
+        raise UsageError(f"--approach {options.approach:g}: give 0 to 100 cm")
     if not 0 < options.max_time < math.inf:
         raise UsageError(f"--max-time {options.max_time:g}: give seconds above zero")
     if options.json is not None:
@@ -81,15 +113,10 @@ def main() -> int:
     check_writable(RUNS, folder=True)
 
     with open_rig(options.camera, options.robot, options.lens) as rig:
-        goal_cm = goal_cm or rig.goal_cm
-        if goal_cm is None:
-            raise UsageError("--goal is missing: write X,Z in cm, such as --goal 0,200 for two metres ahead")
-        pilot = Pilot(rig.lens, goal_cm, net=config.net, depth=config.depth, body=config.body, nav=config.nav)
+        task, words, goal_cm = choose_task(options, route, rig.goal_cm)
+        pilot = Pilot(rig.lens, task, net=config.net, depth=config.depth, body=config.body, nav=config.nav)
         gallery = Gallery()
-        x, z = goal_cm
-        print(
-            f"driving to {x:.0f},{z:.0f} cm for at most {options.max_time:g} s; Ctrl-C stops", file=sys.stderr
-        )
+        print(f"{words} for at most {options.max_time:g} s; Ctrl-C stops", file=sys.stderr)
         with Ticker(options.view) as ticker:
 
             def on_view(view: View, log: DriveLog) -> None:
@@ -105,7 +132,8 @@ def main() -> int:
         result = {
             "camera": options.camera,
             "robot": options.robot,
-            "goal_cm": [round(v, 3) for v in goal_cm],
+            "task": words,
+            "goal_cm": None if goal_cm is None else [round(v, 3) for v in goal_cm],
             **log.as_dict(),
             **rig.truth(log),
             "link": rig.link_counters(),
@@ -119,12 +147,14 @@ def main() -> int:
     return code
 
 
-def _joined_goal(arguments: list[str]) -> list[str]:
-    """``--goal -50,200`` as ``--goal=-50,200``, which cannot be mistaken for an option."""
+def _joined_goals(arguments: list[str]) -> list[str]:
+    """``--goal -50,200 0,300`` as ``--goal=-50,200 0,300``, which cannot be mistaken for options."""
     out: list[str] = []
     for argument in arguments:
         if out and out[-1] == "--goal":
             out[-1] = f"--goal={argument}"
+        elif out and out[-1].startswith("--goal=") and re.fullmatch(r"[-+.\d]+,[-+.\d]+", argument):
+            out[-1] += f" {argument}"
         else:
             out.append(argument)
     return out

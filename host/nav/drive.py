@@ -148,7 +148,7 @@ class _Trip:
             return
         if command.outcome is not None:
             self.robot.stop()
-        else:
+        elif not command.hands_off:
             self.robot.drive(command.v_mm_s, command.omega_rad_s)
         self._note(view, now_s - begin_s, command)
         if command.outcome is not None:

@@ -42,7 +42,7 @@ class Gallery:
         folder: Path,
         obstacle_map: ObstacleMap,
         body: BodyConfig,
-        goal_cm: tuple[float, float],
+        goal_cm: tuple[float, float] | None,
         log: DriveLog,
     ) -> None:
         """frame_SEQ.png for every frame kept, and path.png."""

@@ -17,7 +17,7 @@ from host.depth.report import DepthReport
 from host.nav.config import BodyConfig, NavConfig
 from host.nav.floor import NO_REGION, STEP_PX, FloorFinder, label_image, rays_of
 from host.nav.odometry import heading_of
-from host.nav.stand import Feet, Standing, stand_of
+from host.nav.stand import SURE, Feet, Standing, stand_of, usable_depth
 from host.pose import Pose
 from host.rbdn.snapshot import Snapshot
 
@@ -28,6 +28,7 @@ OCCUPIED, FREE = 0.8, -0.4  # log-odds beyond which a cell counts as one or the 
 LIMIT = 4.0
 SEEN_EMPTY = -0.4  # log-odds a frame of bare floor is worth
 BARELY_FREE = 1.5 * FREE  # what may be floor never counts for more
+FRONT_GAIN = 0.1  # share of one frame in what is remembered of a thing's front
 PRESUMED = 1.0  # what is only presumed behind a surface never counts for more
 
 
@@ -60,6 +61,7 @@ class ObstacleMap:
         self.evidence = np.zeros((side, side), np.float32)
         self.region = np.full((side, side), NO_REGION, np.int32)
         self.obstacles: dict[int, Obstacle] = {}
+        self._front_cm: dict[int, float] = {}  # before a region's mean depth
         self._half = side // 2 * config.cell_cm
         self.centres_cm = (np.arange(side) + 0.5) * config.cell_cm - self._half
         self._t_s: float | None = None
@@ -113,12 +115,22 @@ class ObstacleMap:
         for region in snapshot.regions:
             if self.floor.is_floor(region.id) or self.floor.is_mixed(region.id):
                 continue
-            found = stand_of(region, report, feet, labels)
+            found = stand_of(region, report, feet, labels, self._front_cm.get(region.id))
             if found is None or (found.how == "at the lower border" and self._remembers(found, feet, pose)):
                 continue
             standing.append(found)
+            self._learn_front(found, report)
             self.obstacles[region.id] = _obstacle(found, feet, pose)
         self._paint(pose, lens, feet, np.asarray(unsure.any(axis=0)), standing)
+
+    def _learn_front(self, standing: Standing, report: DepthReport) -> None:
+        """By how much the front lies before the mean depth, from when the thing is seen to stand."""
+        measured = usable_depth(report, standing.region)
+        if measured is None or standing.weight != SURE:
+            return
+        front = max(0.0, measured[0] - float(np.median(standing.depth_cm)))
+        before = self._front_cm.get(standing.region, front)
+        self._front_cm[standing.region] = before + FRONT_GAIN * (front - before)
 
     def _remembers(self, standing: Standing, feet: Feet, pose: Pose) -> bool:
         """Whether something is known to be at least as near as the lower border there."""
@@ -132,6 +144,7 @@ class ObstacleMap:
             self.evidence *= math.exp(-max(0.0, t_s - self._t_s) / self.config.memory_s)
         self._t_s = t_s
         self.obstacles = {k: o for k, o in self.obstacles.items() if t_s - o.t_s < 2 * self.config.memory_s}
+        self._front_cm = {k: front for k, front in self._front_cm.items() if k in self.obstacles}
 
     # ---- the grid ----
 

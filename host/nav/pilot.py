@@ -15,7 +15,8 @@ from host.depth.report import DepthReport
 from host.nav.config import BodyConfig, NavConfig
 from host.nav.map import ObstacleMap
 from host.nav.odometry import Odometry
-from host.nav.steer import Command, Plan, body_of, decide
+from host.nav.steer import Command, body_of
+from host.nav.task import Task
 from host.pose import Pose
 from host.rbdn import Net, NetConfig, Snapshot
 
@@ -40,7 +41,7 @@ class Pilot:
     def __init__(
         self,
         lens: Lens,
-        goal_cm: tuple[float, float],
+        task: Task,
         *,
         net: NetConfig,
         depth: DepthConfig,
@@ -49,10 +50,9 @@ class Pilot:
     ) -> None:
         self.odometry = Odometry(body)
         self.map = ObstacleMap(body, nav)
-        self._lens, self._goal_cm, self._body = lens, goal_cm, body
+        self._lens, self._task, self._body = lens, task, body
         self._net = Net(net, lens)
         self._depth = Estimator(lens, depth)
-        self._plan = Plan()
         self._last_rotation: np.ndarray | None = None
 
     def take(self, frame: Frame, now_s: float) -> View:
@@ -66,7 +66,7 @@ class Pilot:
         x, z, _ = body_of(here, self._body.camera_ahead_cm)
         self.map.stand_on(x, z)
         self.map.update(snapshot, depths, pose, self._lens)
-        command, self._plan = decide(self._plan, self.map, here, self._goal_cm)
+        command = self._task.decide(self.map, here)
         return View(frame, pose, snapshot, depths, command)
 
     def path_step_cm(self, before: Pose | None, after: Pose) -> float:

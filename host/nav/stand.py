@@ -110,11 +110,14 @@ def _first_other(mask: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return np.where(none, 0, len(mask) - 1 - up), none, (up == 0) & ~none
 
 
-def stand_of(region: Region, report: DepthReport, feet: Feet, labels: np.ndarray) -> Standing | None:
+def stand_of(
+    region: Region, report: DepthReport, feet: Feet, labels: np.ndarray, front_cm: float | None = None
+) -> Standing | None:
     """Where a region that is not floor stands; None while nothing is known of it.
 
     With a foot, the shape across the columns is the foot's and the mean is that of foot and depth, weighted;
-    where they contradict each other the nearer one is taken, and not trusted much.
+    where they contradict each other the nearer one is taken, and not trusted much. Without one its front lies
+    `front_cm` before its mean depth, as it did when its foot was last seen.
     """
     measured = usable_depth(report, region.id)
     covered = np.nonzero((labels == region.id).any(axis=0))[0]
@@ -125,7 +128,7 @@ def stand_of(region: Region, report: DepthReport, feet: Feet, labels: np.ndarray
         if len(covered) == 0:
             return None
         z, sigma, how = measured
-        front = z - MEAN_TO_FRONT * feet.width_cm(covered, z)
+        front = z - (MEAN_TO_FRONT * feet.width_cm(covered, z) if front_cm is None else front_cm)
         return Standing(region.id, covered, np.full(len(covered), front), z, sigma, how, FAIR)
     columns = np.nonzero((feet.region == region.id) & feet.cut)[0]
     if len(columns) < LEAST_COLUMNS:

@@ -10,13 +10,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
+from host.nav.config import NavConfig
 from host.nav.map import FREE, Obstacle, ObstacleMap
 from host.nav.odometry import heading_of
 from host.nav.plan import Room, Way, find_way, room_around, tightest
 from host.pose import Pose
+
+AngleT = TypeVar("AngleT", float, np.ndarray)
 
 PLAN_EVERY_S = 0.5
 TURN_FROM_RAD = math.radians(18)  # off the aim by more than this: turn in place
@@ -38,7 +42,8 @@ class Command:
     v_mm_s: float
     omega_rad_s: float  # positive to the right
     reason: str
-    outcome: str | None = None  # "goal" or "blocked" when the drive is over
+    outcome: str | None = None  # such as "goal" or "blocked", when the drive is over
+    hands_off: bool = False  # send the robot nothing
 
 
 @dataclass(frozen=True)
@@ -137,7 +142,7 @@ def decide(
     plan = replace(plan, lost_s=None, looked_rad=0.0)
 
     aim = plan.aim or goal_cm
-    error = _wrap(_bearing((x, z), aim) - heading)
+    error = wrap(_bearing((x, z), aim) - heading)
     if error < -ALL_ROUND_RAD:  # almost straight behind: always to the right, so as not to dither
         error += 2 * math.pi
     turning = plan.piece_from is None
@@ -152,7 +157,7 @@ def decide(
     piece_from = plan.piece_from or (x, z)
     plan = replace(plan, piece_from=piece_from)
     ahead = look_ahead(obstacle_map, x, z, heading)
-    v, reason = _speed(ahead, obstacle_map)
+    v, reason = speed_ahead(ahead, obstacle_map)
     if v == 0.0:  # the plan must lead elsewhere
         return Command(0.0, 0.0, reason), replace(plan, piece_from=None, made_s=-math.inf, aim=None)
     omega = max(-BEND_RAD_S, min(BEND_RAD_S, 1.0 * error))
@@ -160,17 +165,18 @@ def decide(
     return Command(10 * v, omega, reason), plan
 
 
-def _speed(ahead: Ahead, obstacle_map: ObstacleMap) -> tuple[float, str]:
+def brakeable_cm_s(config: NavConfig, distance_cm: float) -> float:
+    """The speed from which the robot still stops within a distance."""
+    a, tau = config.brake_cm_s2, config.reaction_s
+    return -a * tau + math.sqrt((a * tau) ** 2 + 2 * a * max(0.0, distance_cm))
+
+
+def speed_ahead(ahead: Ahead, obstacle_map: ObstacleMap) -> tuple[float, str]:
     """Forward speed in cm/s that the room ahead allows, and the line that explains it."""
     config = obstacle_map.config
-    a, tau = config.brake_cm_s2, config.reaction_s
-
-    def brakeable(distance_cm: float) -> float:
-        return -a * tau + math.sqrt((a * tau) ** 2 + 2 * a * max(0.0, distance_cm))
-
     thing = ahead.obstacle or "something remembered"
-    fast = brakeable(ahead.room_cm - config.clearance_cm)
-    blind = config.creep_cm_s + brakeable(ahead.unseen_cm)
+    fast = brakeable_cm_s(config, ahead.room_cm - config.clearance_cm)
+    blind = config.creep_cm_s + brakeable_cm_s(config, ahead.unseen_cm)
     v = min(config.speed_cm_s, fast, blind)
     if fast < 1.0:
         return 0.0, f"stop: {thing}, {ahead.room_cm:.0f} cm from the rim"
@@ -201,7 +207,7 @@ def _planned(
     far = old is not None and math.dist(old, here) > 2 * config.cell_cm
     if old is not None and far and _clear(obstacle_map, room, here, old, over_unseen):
         if plan.piece_from is None:  # turning: towards whichever of the two is nearer, so as not to dither
-            aim = min(old, aim, key=lambda p: abs(_wrap(_bearing(here, p) - heading)))
+            aim = min(old, aim, key=lambda p: abs(wrap(_bearing(here, p) - heading)))
         elif math.dist(plan.piece_from, here) < config.piece_cm:
             aim = old
     return replace(plan, aim=aim)
@@ -253,7 +259,7 @@ def _look_around(
     plan: Plan, t_s: float, heading: float, obstacle_map: ObstacleMap, here: tuple[float, float]
 ) -> tuple[Command, Plan]:
     """No way known: turn on the spot to see more; after a full turn and a while the drive is blocked."""
-    turned = 0.0 if plan.lost_s is None else abs(_wrap(heading - plan.last_heading))
+    turned = 0.0 if plan.lost_s is None else abs(wrap(heading - plan.last_heading))
     lost = t_s if plan.lost_s is None else plan.lost_s
     looked = plan.looked_rad + turned
     plan = replace(plan, lost_s=lost, looked_rad=looked, last_heading=heading, piece_from=None)
@@ -269,5 +275,6 @@ def _bearing(start: tuple[float, float], end: tuple[float, float]) -> float:
     return math.atan2(end[0] - start[0], end[1] - start[1])
 
 
-def _wrap(angle: float) -> float:
+def wrap(angle: AngleT) -> AngleT:
+    """The same angle, or angles, within half a turn either way of 0."""
     return (angle + math.pi) % (2 * math.pi) - math.pi

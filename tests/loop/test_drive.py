@@ -16,6 +16,7 @@ from host.nav.config import BodyConfig, NavConfig
 from host.nav.drive import drive
 from host.nav.pilot import Pilot
 from host.nav.result import DriveLog
+from host.nav.task import MeasureOnly, Route, Task
 from host.rbdn import NetConfig
 from host.sim.board import Line
 from host.sim.session import Simulation
@@ -114,13 +115,14 @@ def run(
     line=None,
     reopen=None,
     net: NetConfig | None = None,
+    task: Task | None = None,
     max_time_s=8.0,
 ) -> tuple[DriveLog, int]:
     """Drive with the given parts in place of the simulation's own."""
     robot = Robot(line or simulation.transport, simulation.clock, reopen)
     robot.connect()
     pilot = Pilot(
-        simulation.world.lens, simulation.world.goal_cm,
+        simulation.world.lens, task or Route([simulation.world.goal_cm]),
         net=net or NetConfig(), depth=DepthConfig(), body=BodyConfig(), nav=CONFIG,
     )  # fmt: skip
     return drive(
@@ -341,3 +343,13 @@ def test_dropped_frames_are_counted():
 
     log, _ = run(simulation, camera=TamperedCamera(simulation, 1.0, skip), max_time_s=3.0)
     assert log.dropped_frames > 5
+
+
+def test_measuring_only_sends_no_command_that_moves(monkeypatch):
+    simulation = Simulation("sim:room?seed=3")
+    driven = []
+    monkeypatch.setattr(Robot, "drive", lambda *speeds: driven.append(speeds))
+    log, code = run(simulation, task=MeasureOnly(), max_time_s=1.0)
+    assert (log.outcome, code) == ("timeout", EXIT_DONE)
+    assert not driven and travel_cm(simulation) == 0.0
+    assert log.frames > 5 and "measuring only" in log.decisions[0].reason

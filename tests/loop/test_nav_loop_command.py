@@ -93,6 +93,23 @@ def test_a_goal_with_a_minus_is_a_goal_and_no_option(tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("arguments", "task", "goal"),
+    [
+        (["--goal", "-30,150", "-10.5,200"], "driving to -30,150 cm then -10,200 cm", [-10.5, 200]),
+        (["--explore"], "exploring", None),
+        (["--approach", "25"], "approaching up to 25 cm", None),
+        (["--measure-only"], "measuring only", None),
+    ],
+)
+def test_what_a_drive_is_for_is_chosen_and_told(arguments, task, goal, tmp_path):
+    done = run(tmp_path, *arguments, "--max-time", "0.2", "--json", "out.json", "--no-view")
+    assert done.returncode == 0, done.stderr
+    result = json.loads((tmp_path / "out.json").read_text())
+    assert (result["task"], result["goal_cm"]) == (task, goal)
+    assert (tmp_path / "runs" / "latest" / "path.png").exists()
+
+
+@pytest.mark.parametrize(
     ("arguments", "named"),
     [
         (["--goal", "abc"], "abc"),
@@ -100,6 +117,10 @@ def test_a_goal_with_a_minus_is_a_goal_and_no_option(tmp_path):
         (["--goal", "1,2,3"], "--goal 1,2,3"),
         (["--goal", "nan,100"], "nan"),
         (["--goal", "0,9999"], "off the map"),
+        (["--goal", "0,100 5,x"], "5,x"),
+        (["--goal", "0,100", "--explore"], "exclude each other"),
+        (["--approach", "20", "--measure-only"], "exclude each other"),
+        (["--approach", "-1"], "--approach -1"),
         (["--max-time", "-1"], "--max-time"),
         (["--max-time", "nan"], "--max-time"),
         (["--max-time", "soon"], "soon"),

@@ -1,0 +1,210 @@
+"""What a drive is for: a route of goals, exploring, approaching what is ahead, or only measuring.
+
+A task turns map and pose into one command a frame; `steer` does the driving.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Protocol
+
+import cv2
+import numpy as np
+
+from host.nav.map import Obstacle, ObstacleMap
+from host.nav.plan import room_around, tightest
+from host.nav.steer import (
+    FIRST_CM,
+    Command,
+    Plan,
+    body_of,
+    brakeable_cm_s,
+    decide,
+    look_ahead,
+    speed_ahead,
+    wrap,
+)
+from host.pose import Pose
+
+FRONTIER_CELLS = 6  # fewer at a place are gaps between pixels, not a part of the room
+NEAR_CM = 25.0  # frontiers nearer than this are below the camera's view
+TURN_CM = 40.0  # a frontier straight behind counts as this much further than one ahead
+AT_MOST_S = 25.0  # on the way to one frontier
+DONE_WITH_CM = 25.0  # around a place that was reached, or cannot be
+HOLD_GAIN = 2.0  # turn rate per heading error while approaching, 1/s
+HOLD_RAD_S = 0.3
+ARRIVED_CM = 0.4
+
+
+class Task(Protocol):
+    """Decides; told of every frame once."""
+
+    def decide(self, obstacle_map: ObstacleMap, camera: Pose) -> Command:
+        """The command at the time of the pose, ``outcome`` set when the task is over."""
+        ...
+
+
+class Route:
+    """One goal after the other; over at the last, or where one cannot be reached."""
+
+    def __init__(self, goals_cm: list[tuple[float, float]]) -> None:
+        self._goals = list(goals_cm)
+        self._plan = Plan()
+
+    def decide(self, obstacle_map: ObstacleMap, camera: Pose) -> Command:
+        command, self._plan = decide(self._plan, obstacle_map, camera, self._goals[0])
+        if command.outcome != "goal" or len(self._goals) == 1:
+            return command
+        self._goals.pop(0)
+        self._plan = Plan(begun=True)
+        x, z = self._goals[0]
+        return replace(command, reason=f"{command.reason}; on to {x:.0f},{z:.0f}", outcome=None)
+
+
+class Explore:
+    """Goes to the nearest border between floor seen and what was never seen, until there is none."""
+
+    def __init__(self) -> None:
+        self._plan = Plan()
+        self._target: tuple[float, float] | None = None
+        self._chosen_s = -math.inf
+        self._done_with: list[tuple[float, float]] = []
+        self._floor: np.ndarray | None = None  # cells that when last seen were floor, though evidence fades
+        self._known: np.ndarray | None = None  # and these, or were filled
+        self._turned_rad = 0.0  # looking round for more
+        self._last_heading: float | None = None
+
+    def decide(self, obstacle_map: ObstacleMap, camera: Pose) -> Command:
+        x, z, heading = body_of(camera, obstacle_map.body.camera_ahead_cm)
+        if self._floor is None or self._known is None:
+            self._floor = self._known = np.zeros_like(obstacle_map.free)
+        self._floor = (self._floor | obstacle_map.free) & ~obstacle_map.occupied
+        self._known = self._known | obstacle_map.free | obstacle_map.occupied
+        if self._target is not None and camera.t_s - self._chosen_s > AT_MOST_S:
+            self._done_with.append(self._target)
+            self._target = None
+        if self._target is None:
+            self._choose(obstacle_map, camera.t_s, (x, z), heading)
+        if self._target is None:
+            return self._look_round(obstacle_map, heading)
+        self._turned_rad, self._last_heading = 0.0, None
+        command, self._plan = decide(self._plan, obstacle_map, camera, self._target)
+        if command.outcome is None:
+            tx, tz = self._target
+            return replace(command, reason=f"exploring towards {tx:.0f},{tz:.0f}: {command.reason}")
+        self._done_with.append(self._target)
+        self._target = None
+        return Command(0.0, 0.0, f"exploring: {command.reason}")
+
+    def _choose(
+        self, obstacle_map: ObstacleMap, t_s: float, here: tuple[float, float], heading: float
+    ) -> None:
+        assert self._floor is not None and self._known is not None
+        target = nearest_frontier(obstacle_map, self._floor, self._known, here, heading, self._done_with)
+        if target != self._target:
+            self._plan = replace(self._plan, way=None, made_s=-math.inf, aim=None, piece_from=None)
+        self._target, self._chosen_s = target, t_s
+
+    def _look_round(self, obstacle_map: ObstacleMap, heading: float) -> Command:
+        if self._last_heading is not None:
+            self._turned_rad += abs(wrap(heading - self._last_heading))
+        self._last_heading = heading
+        if self._turned_rad >= 2 * math.pi:
+            return Command(0.0, 0.0, "explored: nothing unseen can be reached any more", "explored")
+        turn = obstacle_map.config.turn_rad_s
+        return Command(0.0, turn, f"exploring: looking round, {math.degrees(self._turned_rad):.0f} deg")
+
+
+def beside(cells: np.ndarray) -> np.ndarray:
+    """The cells themselves and their neighbours, both (N, N) bool."""
+    return cv2.dilate(cells.astype(np.uint8), np.ones((3, 3), np.uint8)).astype(bool)
+
+
+def nearest_frontier(
+    obstacle_map: ObstacleMap,
+    floor: np.ndarray,
+    known: np.ndarray,
+    here: tuple[float, float],
+    heading_rad: float,
+    done_with: list[tuple[float, float]],
+) -> tuple[float, float] | None:
+    """(x, z) of the nearest floor beside what was never seen that the robot can get to; None without any."""
+    fits = (floor | ~known) & (room_around(obstacle_map).to_filled >= tightest(obstacle_map))
+    row, col = obstacle_map.cell_of(*here)
+    fits[row, col] = True
+    _, parts = cv2.connectedComponents(fits.astype(np.uint8), connectivity=8)
+    border = floor & beside(~known) & fits & (parts == parts[row, col])
+    count, patches, stats, _ = cv2.connectedComponentsWithStats(border.astype(np.uint8), connectivity=8)
+    large = np.nonzero(stats[:count, cv2.CC_STAT_AREA] >= FRONTIER_CELLS)[0]
+    points = obstacle_map.points_where(border & np.isin(patches, large[large > 0]))
+    if len(points) == 0:
+        return None
+    away = np.hypot(points[:, 0] - here[0], points[:, 1] - here[1])
+    aside = np.abs(wrap(np.arctan2(points[:, 0] - here[0], points[:, 1] - here[1]) - heading_rad))
+    cost = away + TURN_CM * aside / math.pi
+    usable = away > NEAR_CM
+    for place in done_with:
+        usable &= np.hypot(points[:, 0] - place[0], points[:, 1] - place[1]) > DONE_WITH_CM
+    if not usable.any():
+        return None
+    x, z = points[int(np.argmin(np.where(usable, cost, np.inf)))]
+    return float(x), float(z)
+
+
+class Approach:
+    """Straight on, until the rim is a given distance before what is ahead."""
+
+    def __init__(self, stop_cm: float) -> None:
+        self._stop_cm = stop_cm
+        self._heading: float | None = None
+        self._start: tuple[float, float] | None = None
+
+    def decide(self, obstacle_map: ObstacleMap, camera: Pose) -> Command:
+        config = obstacle_map.config
+        x, z, heading = body_of(camera, obstacle_map.body.camera_ahead_cm)
+        self._heading = heading if self._heading is None else self._heading
+        self._start = self._start or (x, z)
+        omega = max(-HOLD_RAD_S, min(HOLD_RAD_S, HOLD_GAIN * wrap(self._heading - heading)))
+        thing, gap = front_ahead(obstacle_map, (x, z), self._heading)
+        if thing is None:
+            v, reason = speed_ahead(look_ahead(obstacle_map, x, z, heading), obstacle_map)
+            if math.dist(self._start, (x, z)) < FIRST_CM:
+                v, reason = config.creep_cm_s, "creep: first steps to give depth its baseline"
+            return Command(10 * v, omega, reason)
+        left = gap - self._stop_cm
+        if left < ARRIVED_CM:
+            return Command(0.0, 0.0, f"{gap:.1f} cm before {thing}", "approached")
+        v = min(config.speed_cm_s, max(brakeable_cm_s(config, left), 2.0 * left, 1.5))
+        return Command(10 * v, omega, f"approaching {thing}, {gap:.0f} cm from the rim")
+
+
+def front_ahead(
+    obstacle_map: ObstacleMap, here: tuple[float, float], heading: float
+) -> tuple[Obstacle | None, float]:
+    """The nearest thing that a straight drive meets, and the rim's way to it, cm."""
+    radius = obstacle_map.body.radius_cm
+    nearest, thing = math.inf, None
+    for obstacle in obstacle_map.obstacles.values():
+        ends = np.array([obstacle.left_cm, obstacle.right_cm]) - here
+        points = ends[0] + np.linspace(0.0, 1.0, 25)[:, None] * (ends[1] - ends[0])
+        along = points[:, 0] * math.sin(heading) + points[:, 1] * math.cos(heading)
+        aside = np.abs(points[:, 0] * math.cos(heading) - points[:, 1] * math.sin(heading))
+        met = (along > 0) & (aside < radius)
+        if met.any():
+            way = float((along[met] - np.sqrt(radius**2 - aside[met] ** 2)).min())
+            if way < nearest:
+                nearest, thing = way, obstacle
+    return thing, nearest
+
+
+class MeasureOnly:
+    """Drives nothing: somebody else moves the robot."""
+
+    def decide(self, obstacle_map: ObstacleMap, camera: Pose) -> Command:
+        x, z, heading = body_of(camera, obstacle_map.body.camera_ahead_cm)
+        thing, gap = front_ahead(obstacle_map, (x, z), heading)
+        ahead = "nothing known ahead" if thing is None else f"{thing} ahead, {gap:.0f} cm from the rim"
+        return Command(0.0, 0.0, f"measuring only: {ahead}", hands_off=True)
+
+
