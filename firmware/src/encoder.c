@@ -113,16 +113,3 @@ void encoder_update(struct encoder *encoder, const struct encoder_edges *edges, 
         speed = bound;
     encoder->speed_q4 = encoder->direction < 0 ? (int16_t)-speed : speed;
 }
-
-int32_t encoder_travel_um(const struct encoder *encoder)
-{
-    int32_t border = encoder->count * encoder->um_per_count;
-    int32_t part = encoder->um_per_count / 2;
-    if (encoder->direction != 0) {
-        uint32_t age = encoder->edge_age_us < ENCODER_STILL_US ? encoder->edge_age_us : ENCODER_STILL_US;
-        int16_t speed = encoder->speed_q4 < 0 ? (int16_t)-encoder->speed_q4 : encoder->speed_q4;
-        uint32_t since = (age >> 4) * (uint16_t)speed / 1000u;
-        part = since < encoder->um_per_count ? (int32_t)since : encoder->um_per_count;
-    }
-    return encoder->direction < 0 ? border + encoder->um_per_count - part : border + part;
-}

@@ -94,10 +94,4 @@ void encoder_rescale(struct encoder *encoder, uint16_t um_per_count);
 // ENCODER_STILL_US without one it is zero.
 void encoder_update(struct encoder *encoder, const struct encoder_edges *edges, uint32_t now_us);
 
-// Travel of the rim since the start in micrometres, with the part of a count since the last edge. After a
-// forward edge the wheel stands at the border `count`, after a backward one at `count` + 1; from there it has
-// gone on at `speed_q4`, but not past the next border, whose edge has not come. Before the first edge it is
-// taken to stand in the middle of its count.
-int32_t encoder_travel_um(const struct encoder *encoder);
-
 #endif

@@ -1,15 +1,24 @@
-// One wheel's speed loop: feedforward and PI in, duty out, in integers.
+// One wheel's speed loop: feedforward, and corrections from what the wheel does, in integers.
 //
-//   duty = sign(setpoint) * static + velocity * setpoint + proportional * error + integral
+//   speed = setpoint + proportional/velocity * error + acceleration/velocity * change of setpoint - drift
+//   duty  = (sign(setpoint) * static + velocity * speed) * full battery / battery
 //
 // Speeds are in sixteenths of mm/s ("q4"); duty is a signed fraction of full voltage, 32767 = 1. The
-// feedforward does most of the work, since the speed estimate is late at low speed; the integral takes up
-// battery sag and the difference between two motors. A setpoint of zero is no control at all: duty zero,
-// integral forgotten.
+// feedforward does most of the work. `drift`, how much faster the wheel runs than told, is learned between and
+// at edges (wheel.h); it is the loop's integral, takes up what two motors differ by, and is forgotten when the
+// setpoint becomes zero or changes its sign. A setpoint of zero is no control at all: duty zero. The duty never
+// opposes the setpoint.
+//
+// Limits. A wheel that does not turn at all is pushed by the integral up to static + 3/4 integral_limit; more
+// than that would be let loose when it comes free, and is what a wheel with a dead encoder may be driven too
+// fast by. While the duty is at its limit, or the wheel is held, nothing winds up.
 #ifndef MOTOR_H
 #define MOTOR_H
 
 #include <stdint.h> // integers of known width
+
+#include "encoder.h" // what it is fed with
+#include "wheel.h"   // place, speed and drift
 
 enum { MOTOR_DUTY_FULL = 32767 };
 
@@ -25,23 +34,35 @@ struct motor_gains {
 };
 
 struct motor {
-    struct motor_gains gains;
-    int32_t integral_q12; // duty times 4096
-    int16_t setpoint_q4;  // of the last tick
-    int16_t duty;         // put out last tick
+    struct wheel wheel;
+    int16_t static_duty; // as in the gains
+    int16_t velocity_q8;
+    int16_t duty_limit;
+    uint16_t battery_full_mv;
+    uint16_t proportional_q8;  // of an error that is added to the speed, times 256
+    uint16_t acceleration_q8;  // of the setpoint's change in a tick
+    int16_t hard_q4;           // speed whose duty pushes hard
+    uint16_t compensation_q12; // duty is multiplied by this, times 4096
+    int16_t setpoint_q4;       // of the last tick
+    int16_t duty;              // put out last tick
 };
 
-// All gains zero or positive.
+// All gains zero or positive. The wheel stands.
 void motor_init(struct motor *motor, const struct motor_gains *gains);
 
-// Motors off: forget the past, so that the next start is like the first.
+// Every tick, driven or not, after encoder_update(): what the wheel has done.
+void motor_sense(struct motor *motor, const struct encoder *encoder);
+
+// Travel of the wheel since the start, micrometres, between counts too.
+int32_t motor_travel_um(const struct motor *motor);
+
+// Motor off: forget what was learned, so that the next start is like the first. The wheel goes on being sensed.
 void motor_release(struct motor *motor);
 
-// One tick. Returns the duty, within duty_limit.
+// One tick, after motor_sense(). Returns the duty, within duty_limit.
 //
-// Anti-windup: while the duty is at its limit the integral may shrink the excess but not add to it.
-//
-// battery_mv: as measured, 0 if it cannot be.
-int16_t motor_update(struct motor *motor, int16_t setpoint_q4, int16_t speed_q4, uint16_t battery_mv);
+// battery_mv: as measured, 0 if it cannot be. It scales the duty by 0.8 to 1.5: as measured when the wheel sets
+// out, later following by 0.05 % a tick, so that the battery's answer to the motor does not come back to it.
+int16_t motor_update(struct motor *motor, int16_t setpoint_q4, uint16_t battery_mv);
 
 #endif

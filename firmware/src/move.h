@@ -23,7 +23,7 @@ struct move {
     int32_t last_um[DRIVE_SIDES];  // travel at the last tick
 };
 
-// Begin; the wheels stand at this travel (encoder_travel_um). Speed and rate above 0; beyond the limits they
+// Begin; the wheels stand at this travel (motor_travel_um). Speed and rate above 0; beyond the limits they
 // are cut. distance_mm: forward positive. angle_mrad: positive to the right.
 void move_begin_straight(struct move *move, const struct drive_limits *limits, int16_t distance_mm,
                          uint16_t speed_mm_s, int32_t left_um, int32_t right_um);

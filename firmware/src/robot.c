@@ -136,8 +136,7 @@ static void motors_off(struct robot *robot)
 static void motors_follow(struct robot *robot, const int16_t setpoint_q4[DRIVE_SIDES])
 {
     for (uint8_t side = 0; side < DRIVE_SIDES; side++) {
-        int16_t duty = motor_update(&robot->motors[side], setpoint_q4[side],
-                                    robot->encoders[side].speed_q4, robot->battery_mv);
+        int16_t duty = motor_update(&robot->motors[side], setpoint_q4[side], robot->battery_mv);
         hal_motor_set(robot->hal, side, duty);
     }
 }
@@ -151,8 +150,8 @@ static void drive_on(struct robot *robot)
 static void move_on(struct robot *robot)
 {
     int16_t setpoint_q4[DRIVE_SIDES];
-    if (!move_update(&robot->move, encoder_travel_um(&robot->encoders[DRIVE_LEFT]),
-                     encoder_travel_um(&robot->encoders[DRIVE_RIGHT]), setpoint_q4)) {
+    if (!move_update(&robot->move, motor_travel_um(&robot->motors[DRIVE_LEFT]),
+                     motor_travel_um(&robot->motors[DRIVE_RIGHT]), setpoint_q4)) {
         motors_follow(robot, setpoint_q4);
         return;
     }
@@ -308,8 +307,8 @@ static uint8_t obey_move(struct robot *robot, const uint8_t *payload)
     refusal = begin_move(robot, move.speed_mm_s, move.expires_us);
     if (refusal == 0)
         move_begin_straight(&robot->move, &robot->drive.limits, move.distance_mm, move.speed_mm_s,
-                            encoder_travel_um(&robot->encoders[DRIVE_LEFT]),
-                            encoder_travel_um(&robot->encoders[DRIVE_RIGHT]));
+                            motor_travel_um(&robot->motors[DRIVE_LEFT]),
+                            motor_travel_um(&robot->motors[DRIVE_RIGHT]));
     return requests_take(&robot->requests, MSG_MOVE, move.request, refusal, true);
 }
 
@@ -323,8 +322,8 @@ static uint8_t obey_turn(struct robot *robot, const uint8_t *payload)
     refusal = begin_move(robot, turn.rate_mrad_s, turn.expires_us);
     if (refusal == 0)
         move_begin_turn(&robot->move, &robot->drive.limits, turn.angle_mrad, turn.rate_mrad_s,
-                        encoder_travel_um(&robot->encoders[DRIVE_LEFT]),
-                        encoder_travel_um(&robot->encoders[DRIVE_RIGHT]));
+                        motor_travel_um(&robot->motors[DRIVE_LEFT]),
+                        motor_travel_um(&robot->motors[DRIVE_RIGHT]));
     return requests_take(&robot->requests, MSG_MOVE, turn.request, refusal, true);
 }
 
@@ -452,8 +451,10 @@ static void sense_wheels(struct robot *robot, uint32_t now_us)
     edges[DRIVE_LEFT] = robot->edges[DRIVE_LEFT];
     edges[DRIVE_RIGHT] = robot->edges[DRIVE_RIGHT];
     hal_interrupts_restore(robot->hal, before);
-    for (uint8_t side = 0; side < DRIVE_SIDES; side++)
+    for (uint8_t side = 0; side < DRIVE_SIDES; side++) {
         encoder_update(&robot->encoders[side], &edges[side], now_us);
+        motor_sense(&robot->motors[side], &robot->encoders[side]);
+    }
 }
 
 static uint8_t watch_wheels(struct robot *robot)

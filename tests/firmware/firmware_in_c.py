@@ -11,7 +11,7 @@ import cffi
 
 HERE = Path(__file__).parent
 FIRMWARE = HERE.parents[1] / "firmware/src"
-PARTS = ("encoder", "motor", "drive", "supervisor")
+PARTS = ("encoder", "wheel", "motor", "drive", "move", "supervisor")
 
 DECLARATIONS = """
     struct shim_encoder *shim_encoder_new(uint8_t pins, uint16_t um_per_count);
@@ -24,8 +24,10 @@ DECLARATIONS = """
 
     struct motor *shim_motor_new(int16_t static_duty, int16_t velocity_q8, int16_t proportional_q8,
                                  int16_t integral_q12, int16_t integral_limit, int16_t duty_limit);
-    int16_t motor_update(struct motor *, int16_t setpoint_q4, int16_t speed_q4, uint16_t battery_mv);
-    int32_t shim_motor_integral_q12(struct motor *);
+    int16_t motor_update(struct motor *, int16_t setpoint_q4, uint16_t battery_mv);
+    void shim_motor_sense(struct motor *, struct shim_encoder *);
+    void shim_motor_set_speed_q4(struct motor *, int16_t speed_q4);
+    int32_t shim_motor_drift_q12(struct motor *);
 
     struct drive *shim_drive_new(int32_t track_um, int16_t speed_q4, int16_t step_q4);
     void drive_command(struct drive *, int16_t v_mm_s, int16_t omega_mrad_s);

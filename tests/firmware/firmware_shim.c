@@ -65,9 +65,19 @@ struct motor *shim_motor_new(int16_t static_duty, int16_t velocity_q8, int16_t p
     return motor;
 }
 
-int32_t shim_motor_integral_q12(struct motor *motor)
+void shim_motor_sense(struct motor *motor, struct shim_encoder *shim)
 {
-    return motor->integral_q12;
+    motor_sense(motor, &shim->encoder);
+}
+
+void shim_motor_set_speed_q4(struct motor *motor, int16_t speed_q4)
+{
+    motor->wheel.speed_q12 = speed_q4 * INT32_C(256);
+}
+
+int32_t shim_motor_drift_q12(struct motor *motor)
+{
+    return motor->wheel.drift_q12;
 }
 
 // --- Drive -----------------------------------------------------------------------------------------
