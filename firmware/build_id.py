@@ -10,9 +10,9 @@ from pathlib import Path
 
 
 def build_id(firmware: Path) -> int:
-    """CRC-32 over the names and contents of all C files and platformio.ini."""
+    """CRC-32 over the names and contents of all sources and platformio.ini."""
     crc = 0
-    for path in [*sorted(firmware.glob("src/**/*.[ch]")), firmware / "platformio.ini"]:
+    for path in [*sorted(firmware.glob("src/**/*.[chS]")), firmware / "platformio.ini"]:
         crc = zlib.crc32(path.relative_to(firmware).as_posix().encode() + b"\0", crc)
         crc = zlib.crc32(path.read_bytes().replace(b"\r\n", b"\n"), crc)
     return crc

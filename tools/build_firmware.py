@@ -53,7 +53,7 @@ def build(name: str, options: configparser.SectionProxy, output: Path = OUTPUT) 
     shutil.rmtree(objects_folder, ignore_errors=True)
     objects = []
     # In PlatformIO's order: with link-time optimisation it decides where functions lie.
-    for source in sorted((FIRMWARE / "src").glob("**/*.c")):
+    for source in sorted((FIRMWARE / "src").glob("**/*.[cS]")):
         made = objects_folder / source.relative_to(FIRMWARE / "src").with_suffix(".o")
         made.parent.mkdir(parents=True, exist_ok=True)
         _run("avr-gcc", *flags, "-c", source, "-o", made)

@@ -36,6 +36,7 @@ env.Replace(
     ],
 )
 env.Append(
+    ASFLAGS=["-x", "assembler-with-cpp", mcu, *bare.ALL],
     CFLAGS=bare.C,
     CCFLAGS=[mcu, *bare.ALL],
     CPPDEFINES=[("F_CPU", "$BOARD_F_CPU")],
