@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -107,14 +108,14 @@ def _stage(target: Target, robot: Robot, rate: float, options: BerOptions, advan
     target.near.on_frame.insert(0, comparison.sent)
     _listen(target, robot, SETTLE_S)
     target.faults.to_robot.bit_error_rate = target.faults.to_host.bit_error_rate = rate
-    stops = 0
+    stops, chance = 0, random.Random(options.seed)
     begin_s = sent_s = target.clock.now_s()
     robot.drive(options.speed_mm_s, 0.0)
     while (now_s := target.clock.now_s()) - begin_s < options.seconds:
         if now_s - sent_s >= 1e-3 * options.period_ms - STEP_S / 2:
             robot.drive(options.speed_mm_s, 0.0)
             sent_s = now_s
-        target.wait_s(STEP_S)
+        target.wait_s(STEP_S * chance.uniform(0.5, 1.5))  # as on a computer with other things to do
         robot.poll()
         if robot.latest is not None and robot.latest.state == State.FAULT:
             stops += 1

@@ -78,8 +78,8 @@ def result_of(command: str, robot: str, witness: Witness, tally: Counter[str]) -
     ]
     rows.append(["lost, by their numbers", evidence.host.get("lost", 0), None])
     return Result(
-        command, robot, {"seconds": round(seconds, 3)}, ["frames", "count", "a second"], rows, judge(evidence),
-        details={"evidence": without_rtt(evidence)},
+        command, robot, {"seconds": round(seconds, 3)}, ["frames", "count", "a second"], rows,
+        judge(evidence), details={"evidence": without_rtt(evidence)},
     )  # fmt: skip
 
 

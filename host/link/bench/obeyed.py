@@ -25,7 +25,7 @@ class SetpointAges:
                 self.ages_ms.append((age_us - (1 << 32) if age_us >= 1 << 31 else age_us) * 1e-3)
 
 
-REMEMBERED = 4096  # frames sent; none is under way for longer
+REMEMBERED = 512  # frames sent; none is under way for longer
 
 
 class Comparison:

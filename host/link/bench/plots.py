@@ -24,6 +24,8 @@ def draw(plot: Plot, form: Literal["svg", "png"] = "svg") -> bytes:
     axes = figure.subplots()
     {"histogram": _histogram, "line": _lines, "points": _points, "bars": _bars}[plot.kind](axes, plot)
     _dress(axes, plot)
+    if plot.kind == "bars" and len(plot.series) > 1:  # where there is no room inside
+        figure.legend(loc="outside lower center", ncols=len(plot.series), fontsize=8, frameon=False)
     out = io.BytesIO()
     figure.savefig(out, format=form, metadata={"Date": None} if form == "svg" else {"Software": None})
     return out.getvalue()
@@ -53,7 +55,7 @@ def _bars(axes: Axes, plot: Plot) -> None:
         at = [x + (k - (count - 1) / 2) * 0.8 / count for x in series.x]
         axes.barh(at, series.y, height=0.8 / count, color=colour, label=series.name)
     axes.set_yticks(range(len(plot.ticks)), plot.ticks, fontsize=7)
-    axes.invert_yaxis()
+    axes.set_ylim(len(plot.ticks) - 0.4, -0.6)
     figure = axes.get_figure()
     if isinstance(figure, Figure):
         figure.set_size_inches(SIZE_IN[0], max(SIZE_IN[1], 1.2 + 0.21 * len(plot.ticks)))
@@ -74,9 +76,9 @@ def _dress(axes: Axes, plot: Plot) -> None:
         line(plot.limit, color="#b5442e", lw=1, ls="--")
     if not (plot.log_y or plot.kind == "points" or lying):
         axes.set_ylim(bottom=0)
-    axes.grid(True, which="major", color="#dddddd", lw=0.6)
+    axes.grid(True, which="major", axis="x" if lying else "both", color="#dddddd", lw=0.6)
     axes.set_axisbelow(True)
-    if len(plot.series) > 1:
+    if len(plot.series) > 1 and not lying:
         axes.legend(fontsize=8, frameon=False)
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
