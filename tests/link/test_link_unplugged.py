@@ -1,0 +1,118 @@
+"""A pseudo-terminal that is pulled out and put back in, in real time, with the errors that a port gives."""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from host.errors import DeviceError
+from host.link.clock import SystemClock
+from host.link.protocol import State
+from host.link.robot import Robot
+from host.link.serial_port import SerialPort
+from host.sim.rolling import RollingRobot
+from host.sim.serve import PACE_S, Pacer, Port
+
+
+class Plug(threading.Thread):
+    """A rolling robot that lives on, plugged in or not; `path` leads to its port as udev's links do."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(daemon=True)
+        self.path = path
+        self._robot = RollingRobot(seed=1)
+        self._wanted = threading.Event()
+        self._settled = threading.Event()
+        self._done = False
+
+    def put_in(self, wanted: bool) -> None:
+        """Plug in, or pull out; returns when that is done."""
+        self._settled.clear()
+        (self._wanted.set if wanted else self._wanted.clear)()
+        assert self._settled.wait(5)
+
+    def end(self) -> None:
+        self._done = True
+        self.join(5)
+
+    def run(self) -> None:
+        port: Port | None = None
+        pacer, line = Pacer(), self._robot.line()
+        while not self._done:
+            if port is None and self._wanted.is_set():
+                port = Port()
+                self.path.symlink_to(port.path)
+            elif port is not None and not self._wanted.is_set():
+                self.path.unlink()
+                port.close()
+                port = None
+            self._settled.set()
+            if port is None:
+                time.sleep(PACE_S)
+                line.read()  # nobody listens
+            elif heard := port.read(PACE_S):
+                line.write(heard)
+            self._robot.advance_to(max(pacer.due_us(self._robot.board.time_us), self._robot.board.time_us))
+            if port is not None and (said := line.read()):
+                port.write(said)
+        if port is not None:
+            port.close()
+
+
+@pytest.fixture
+def plug(tmp_path: Path):
+    plug = Plug(tmp_path / "robot")
+    plug.start()
+    plug.put_in(True)
+    yield plug
+    plug.end()
+
+
+def drive(robot: Robot, seconds: float) -> None:
+    """Drive; a robot that stopped itself, as on a busy machine, is told to go on."""
+    until_s = time.monotonic() + seconds
+    while time.monotonic() < until_s:
+        robot.poll()
+        if robot.latest is not None and robot.latest.state == State.FAULT:
+            robot.clear()
+        robot.drive(150, 0)
+        time.sleep(0.02)
+
+
+def test_a_port_that_goes_and_comes_back_is_opened_again(plug: Plug):
+    path = str(plug.path)
+    open_files = len(os.listdir("/proc/self/fd"))
+    with Robot(SerialPort(path), SystemClock(), lambda: SerialPort(path)) as robot:
+        robot.connect()
+        for _ in range(2):
+            drive(robot, 0.3)
+            plug.put_in(False)
+            began_s = time.monotonic()
+            with pytest.raises(DeviceError):
+                drive(robot, 2.0)
+            noticed_s = time.monotonic() - began_s
+            threading.Timer(0.5, plug.put_in, [True]).start()
+            back = robot.reconnect()
+            print(f"\nnoticed after {noticed_s:.2f} s; {back}")
+            assert noticed_s < 0.5
+            assert not back.restarted
+            assert "plug the robot in again" in back.why
+        drive(robot, 0.3)
+        assert robot.latest is not None
+        assert robot.latest.state == State.DRIVING
+    assert len(os.listdir("/proc/self/fd")) == open_files
+
+
+def test_a_port_that_stays_away_is_named(plug: Plug):
+    path = str(plug.path)
+    with Robot(SerialPort(path), SystemClock(), lambda: SerialPort(path)) as robot:
+        robot.connect()
+        plug.put_in(False)
+        with pytest.raises(DeviceError):
+            drive(robot, 2.0)
+        with pytest.raises(DeviceError, match=r"not back after 1 s: .*robot does not exist"):
+            robot.reconnect(timeout_s=1.0)
