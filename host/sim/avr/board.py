@@ -58,6 +58,8 @@ DECLARATIONS = """
     int rig_coasting(const struct rig *, uint8_t side);
     void rig_eeprom_set(struct rig *, const uint8_t *bytes);
     void rig_eeprom(struct rig *, uint8_t *bytes);
+    uint8_t rig_peek(const struct rig *, uint16_t address);
+    void rig_poke(struct rig *, uint16_t address, uint8_t byte);
     void rig_bootloader(struct rig *, uint32_t address, const uint8_t *bytes, size_t count);
     void rig_flash(const struct rig *, uint8_t *bytes);
     void rig_battery_mv(struct rig *, uint32_t mv);
@@ -316,6 +318,14 @@ class AvrBoard:
         self._c.rig_flash(self._rig, contents)
         return bytes(self._ffi.buffer(contents))
 
+    def peek(self, address: int) -> int:
+        """One byte of data memory, registers included."""
+        return self._c.rig_peek(self._rig, address)
+
+    def poke(self, address: int, byte: int) -> None:
+        """Change one byte of data memory behind the processor's back."""
+        self._c.rig_poke(self._rig, address, byte)
+
     # --- Surroundings ---------------------------------------------------------------------------
 
     def set_battery_mv(self, mv: int) -> None:
@@ -366,6 +376,11 @@ class AvrBoard:
             rx_wrong_baud=told.rx_wrong_baud,
             resets=told.resets,
         )
+
+    @property
+    def static_end(self) -> int:
+        """First address past the firmware's variables, where the stack must not come."""
+        return self._static_end
 
     @property
     def static_bytes(self) -> int:

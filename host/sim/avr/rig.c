@@ -416,6 +416,12 @@ static int is_mistaken_for_long(uint16_t word)
     return (word & 0xFE00) == 0x9600 && (word & 0x0C) == 0x0C;
 }
 
+static int is_long(uint16_t word)
+{
+    return (word & 0xFC0F) == 0x9000       // lds, sts
+        || (word & 0xFE0C) == 0x940C;      // jmp, call
+}
+
 // The program as it was written.
 static void unmend(const struct rig *rig, uint16_t *flash)
 {
@@ -442,6 +448,10 @@ static void mend_skips(struct rig *rig)
     // Constants lie between the vectors and the code, which starts where the reset vector leads.
     size_t at = flash[0] == 0x940C ? flash[1] : end;
     for (; at + 1 < end && rig->mend_count < MENDS; at++) {
+        if (is_long(flash[at])) {
+            at++; // an address is no instruction, whatever it looks like
+            continue;
+        }
         if (!is_skip(flash[at]) || !is_mistaken_for_long(flash[at + 1]))
             continue;
         rig->mends[rig->mend_count++] = (struct mend){at, stub, {flash[at], flash[at + 1]}};
@@ -635,6 +645,16 @@ void rig_reset(struct rig *rig, uint8_t mcusr, const uint8_t *noise)
     avr_reset(rig->avr);
     after_reset(rig);
     rig->avr->data[MCUSR] = mcusr;
+}
+
+uint8_t rig_peek(const struct rig *rig, uint16_t address)
+{
+    return rig->avr->data[address];
+}
+
+void rig_poke(struct rig *rig, uint16_t address, uint8_t byte)
+{
+    rig->avr->data[address] = byte;
 }
 
 void rig_hang(struct rig *rig, uint64_t cycles)

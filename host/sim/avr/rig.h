@@ -71,6 +71,10 @@ void rig_estop(struct rig *rig, int pressed);
 void rig_eeprom_set(struct rig *rig, const uint8_t *bytes);
 void rig_eeprom(struct rig *rig, uint8_t *bytes);
 
+// One byte of data memory, registers included, as it stands: without what reading or writing it would set off.
+uint8_t rig_peek(const struct rig *rig, uint16_t address);
+void rig_poke(struct rig *rig, uint16_t address, uint8_t byte);
+
 // Put a bootloader into flash and begin there at this and every later reset. It may then program the rest.
 void rig_bootloader(struct rig *rig, uint32_t address, const uint8_t *bytes, size_t count);
 // All 32768 bytes of flash.
