@@ -237,7 +237,7 @@ class Robot:
                     raise
                 if self._clock.now_s() + REOPEN_PERIOD_S >= give_up_s:
                     raise DeviceError(f"the robot is not back after {timeout_s:g} s: {error}") from None
-            self._line_gone = self._reopen is not None
+            self._line_gone = self._reopen is not None  # or as good as gone: a new one may do better
             patience_s = CONNECT_S
             self._clock.sleep_s(REOPEN_PERIOD_S)
         restarted = before is None or before.boot_nonce != hello.boot_nonce
@@ -317,7 +317,8 @@ class Robot:
     def drive(self, v_mm_s: float, omega_rad_s: float) -> None:
         """Set the velocity for the next 0.2 s, counted from now: what the line delays it by is lost.
 
-        When the setpoint dies without a new one or a `stop`, the robot brakes and latches LINK_LOST.
+        Give one twenty times a second, and call `poll` at least as often, which repeats what got lost. When
+        the setpoint dies without a new one or a `stop`, the robot brakes and latches LINK_LOST.
 
         Parameters
         ----------
@@ -348,7 +349,7 @@ class Robot:
             self._give(EStop())
 
     def clear(self) -> None:
-        """Unlatch the fault; the next telemetry tells whether its cause is gone."""
+        """Unlatch the fault; telemetry tells whether it arrived and the cause is gone."""
         self._send(Clear(self._session().boot_nonce))
 
     def _give(self, message: Drive | Stop | EStop) -> None:
@@ -510,7 +511,7 @@ class Robot:
         Raises
         ------
         DeviceError
-            The robot has been silent for 0.25 s or has restarted; `connect` again.
+            The line is gone, or the robot has been silent for 0.25 s or has restarted; `reconnect`.
         """
         in_session = self._ended is None
         trouble = self._look(raising=False)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 
 from host.errors import DeviceError
 from host.link.clock import Clock
@@ -135,17 +136,28 @@ def percentile(values: list[float], share: float) -> float:
 
 
 def move_often(bench: Bench, moves: int) -> None:
-    """Moves and turns, each of which must make the wheels start once."""
-    robot, before = bench.robot, bench.robot.latest
+    """Moves and turns; what the wheels do tells that each was done once and nothing else was."""
+    robot, before, travelled = bench.robot, bench.robot.latest, 0.0
     for n in range(moves):
-        errand = robot.move(20 if n % 2 else -20, 300) if n % 3 else robot.turn(0.2 if n % 2 else -0.2, 3.0)
-        assert robot.wait(errand) == Result(Outcome.DONE), n
+        asked = -1 if n % 2 else 1
+        x, z, heading = bench.sim.body.axle
+        if n % 3:
+            errand = robot.move(60 * asked, 300)
+            assert robot.wait(errand) == Result(Outcome.DONE), n
+        else:
+            errand = robot.turn(0.6 * asked, 3.0)
+            assert robot.wait(errand) == Result(Outcome.DONE), n
+        starts = bench.starts
         bench.run(0.15)  # a late copy would begin it again
-        assert bench.starts == n + 1, n
+        assert bench.starts == starts, n
+        x, z, heading = (now - then for now, then in zip(bench.sim.body.axle, (x, z, heading), strict=True))
+        done = math.hypot(x, z) / 6.0 if n % 3 else heading / 0.6 * asked
+        assert 0.7 < done < 1.3, n
+        travelled += done
     assert before is not None
     assert robot.latest is not None
     assert robot.latest.request - before.request == moves
-    print(f"\n{moves} moves, {bench.starts} starts; {bench.line.injected_to_robot}")
+    print(f"\n{moves} moves asked for, {travelled:.1f} made; {bench.line.injected_to_robot}")
 
 
 def write_often(bench: Bench, writes: int) -> None:
