@@ -167,9 +167,9 @@ static int16_t get16(const struct robot *robot, uint8_t param)
     return (int16_t)params_get(&robot->params, param);
 }
 
-static void set_up_motor(struct robot *robot, uint8_t side)
+static struct motor_gains gains_of(const struct robot *robot, uint8_t side)
 {
-    struct motor_gains gains = {
+    return (struct motor_gains){
         .static_duty = get16(robot, (uint8_t)(PARAM_STATIC_DUTY_LEFT + side)),
         .velocity_q8 = get16(robot, (uint8_t)(PARAM_VELOCITY_Q8_LEFT + side)),
         .acceleration_q8 = get16(robot, PARAM_ACCELERATION_Q8),
@@ -179,7 +179,6 @@ static void set_up_motor(struct robot *robot, uint8_t side)
         .duty_limit = MOTOR_DUTY_FULL,
         .battery_full_mv = (uint16_t)params_get(&robot->params, PARAM_BATTERY_FULL_MV),
     };
-    motor_init(&robot->motors[side], &gains);
 }
 
 // The robot stands; wheels' counts go on, everything else begins anew.
@@ -192,13 +191,15 @@ static void apply_params(struct robot *robot)
         .step_q4 = (int16_t)(params_get(params, PARAM_ACCELERATION_MM_S2) * 16 / TICKS_PER_S),
     };
     drive_init(&robot->drive, &limits);
-    uint16_t um_per_count[DRIVE_SIDES];
+    struct watch_model models[DRIVE_SIDES];
     for (uint8_t side = 0; side < DRIVE_SIDES; side++) {
-        set_up_motor(robot, side);
-        um_per_count[side] = (uint16_t)params_get(params, (uint8_t)(PARAM_UM_PER_COUNT_LEFT + side));
-        encoder_rescale(&robot->encoders[side], um_per_count[side]);
+        struct motor_gains gains = gains_of(robot, side);
+        motor_init(&robot->motors[side], &gains);
+        uint16_t um_per_count = (uint16_t)params_get(params, (uint8_t)(PARAM_UM_PER_COUNT_LEFT + side));
+        encoder_rescale(&robot->encoders[side], um_per_count);
+        models[side] = (struct watch_model){um_per_count, gains.static_duty, gains.velocity_q8};
     }
-    watch_init(&robot->watch, um_per_count[DRIVE_LEFT], um_per_count[DRIVE_RIGHT]);
+    watch_init(&robot->watch, models);
     supervisor_watch_battery(&robot->supervisor, (uint16_t)params_get(params, PARAM_BATTERY_MIN_MV));
 }
 
@@ -468,7 +469,7 @@ static uint8_t watch_wheels(struct robot *robot)
             .speed_q4 = robot->encoders[side].speed_q4,
         };
     }
-    return watch_update(&robot->watch, wheels);
+    return watch_update(&robot->watch, wheels, supervisor_coasts(&robot->supervisor));
 }
 
 void robot_control(struct robot *robot, uint32_t now_us)
