@@ -36,6 +36,7 @@ from host.link.protocol import (
     Move,
     Outcome,
     Refusal,
+    ResetCause,
     State,
     Telemetry,
     Turn,
@@ -190,13 +191,20 @@ class _Traffic:
         self.target, self.robot, self.chance, self.kinds = target, robot, chance, kinds
         self.tally, self.advance = tally, advance
         self._seen_fault = Fault.NONE
+        left, right, track = map(
+            robot.read_param, (Param.UM_PER_COUNT_LEFT, Param.UM_PER_COUNT_RIGHT, Param.TRACK_UM)
+        )
+        self._mm = left / 1000, right / 1000
+        self._track_mm = track / 1000
 
     def run(self, seconds: float) -> None:
         """Until as much time has passed."""
         begin_s = shown_s = self.target.clock.now_s()
         episode_s, weigh = -math.inf, False
         things: list[Callable[[], None]] = [self._drive, self._drive, self._move, self._turn, self._write]
-        things += [self._silence, self._estop, self._save]
+        things += [self._silence, self._estop, self._save, self._unplug]
+        if self.target.rolling is not None:
+            things.append(self._restart)
         while (now_s := self.target.clock.now_s()) - begin_s < seconds:
             self.advance(now_s - shown_s)
             shown_s = now_s
@@ -271,6 +279,26 @@ class _Traffic:
         self.robot.estop()
         self._pass(CALM_S)
 
+    def _unplug(self) -> None:
+        """Nothing comes through either way, in the midst of driving."""
+        self.robot.drive(self.chance.uniform(-250.0, 250.0), 0.0)
+        lines = self.target.faults.to_robot, self.target.faults.to_host
+        before = [line.drop for line in lines]
+        for line in lines:
+            line.drop = 1.0
+        self.target.wait_s(self.chance.uniform(0.1, 0.8))
+        for line, drop in zip(lines, before, strict=True):
+            line.drop = drop
+        self._pass(0.1)
+
+    def _restart(self) -> None:
+        """The robot's supply dips, in the midst of driving."""
+        assert self.target.rolling is not None
+        self.robot.drive(self.chance.uniform(-250.0, 250.0), 0.0)
+        self._pass(self.chance.uniform(0.1, 0.3))
+        self.target.rolling.board.reset(ResetCause.BROWN_OUT)
+        self._pass(0.3)
+
     def _move(self) -> None:
         amount = self.chance.uniform(-300.0, 300.0)
         self._request(
@@ -279,12 +307,11 @@ class _Traffic:
 
     def _turn(self) -> None:
         amount = self.chance.uniform(-1.5, 1.5)
-        track_mm = 150.0
         self._request(
             lambda: self.robot.turn(amount, 2.0),
             amount,
             TURN_RAD,
-            lambda left, right: (left - right) / track_mm,
+            lambda left, right: (left - right) / self._track_mm,
         )
 
     def _request(
@@ -304,7 +331,8 @@ class _Traffic:
         if before.boot_nonce != after.boot_nonce:
             return
         rolled = way(
-            5.0 * (after.count_left - before.count_left), 5.0 * (after.count_right - before.count_right)
+            self._mm[0] * (after.count_left - before.count_left),
+            self._mm[1] * (after.count_right - before.count_right),
         )
         if result.done and abs(rolled - amount) > within:
             self.tally.violate(f"a move of {amount:.2f} was reported done and went {rolled:.2f}")

@@ -17,7 +17,7 @@ from host.link.protocol import (
     Telemetry,
 )
 
-RTTS_MAX = 20_000
+RTTS_MAX = 2000
 UNANSWERED_MAX = 1000
 
 
@@ -54,6 +54,7 @@ class Witness:
         self._heard_s: float | None = None
         self._status: LinkStatus | None = None
         self._nonce: int | None = None
+        self._nonces: set[int] = set()
         self._cause: tuple[int, str] | None = None
         self._fault = 0
         self._pings: dict[int, float] = {}
@@ -117,6 +118,9 @@ class Witness:
             self._every *= 2
 
     def _see_nonce(self, nonce: int) -> None:
+        if nonce in self._nonces and nonce != self._nonce:
+            return  # an old message that comes late
+        self._nonces.add(nonce)
         if self._nonce is not None and nonce != self._nonce:
             known = self._cause is not None and self._cause[0] == nonce
             self._evidence.restarts.append(self._cause[1] if known and self._cause else "unknown")
