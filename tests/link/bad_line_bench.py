@@ -5,11 +5,13 @@ from __future__ import annotations
 import contextlib
 import math
 
+import pytest
+
 from host.errors import DeviceError
 from host.link.clock import Clock
 from host.link.faults import Faults, FaultyLine
 from host.link.parameters import Param
-from host.link.protocol import Decoder, Drive, Fault, Outcome
+from host.link.protocol import Decoder, Drive, Fault, Move, Outcome, Refusal, ResetCause, Turn
 from host.link.requests import Result
 from host.link.robot import Robot
 from host.link.transport import Transport
@@ -181,3 +183,37 @@ def generations(eeprom: bytes) -> list[int]:
     """The running numbers of what has been saved, oldest first."""
     numbers = [int.from_bytes(eeprom[at + 4 : at + 8], "little") for at in (16, 528)]
     return sorted(number for number in numbers if number != 0xFFFF_FFFF)
+
+
+def lose_during_a_move(bench: Bench, kind: type[Move] | type[Turn], how: str) -> None:
+    """The move ends and is told as ended; nothing begins again by itself; the next move works."""
+    robot = bench.robot
+    errand = robot.move(1500, 300) if kind is Move else robot.turn(12.0, 2.0)
+    bench.run(1.0)
+    assert errand.taken
+    if how == "restarted":
+        bench.sim.board.reset(ResetCause.BROWN_OUT)
+    else:
+        if how == "unplugged":
+            bench.plugged.close()
+        bench.clock.sleep_s(1.0)
+    if how == "paused":  # the host, which then finds its session as it was
+        bench.run(0.05)
+    else:
+        with pytest.raises(DeviceError):
+            robot.wait(errand)
+        assert robot.reconnect().restarted == (how == "restarted")
+    result = robot.wait(errand)
+    assert result.outcome == Outcome.ABORTED
+    assert result.reason == (Refusal.BAD_NONCE if how == "restarted" else Refusal.BY_FAULT)
+    bench.run(0.5)
+    stood_at = bench.sim.body.axle
+    bench.run(2.0)
+    assert bench.sim.body.axle == stood_at
+    assert bench.starts == 1
+    if how != "restarted":
+        assert result.fault == Fault.LINK_LOST
+        robot.clear()
+        bench.run(0.05)
+    assert robot.wait(robot.move(100, 200)).done
+    assert bench.sim.body.axle != stood_at

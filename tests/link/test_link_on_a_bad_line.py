@@ -7,15 +7,15 @@ from bad_line_bench import (
     NOISY,
     ROUGH,
     Bench,
+    lose_during_a_move,
     move_often,
     percentile,
     setpoint_ages_ms,
     write_often,
 )  # fmt: skip
 
-from host.errors import DeviceError
 from host.link.faults import Faults
-from host.link.protocol import Fault, Move, Outcome, Refusal, ResetCause, State, Turn
+from host.link.protocol import Fault, Move, State, Turn
 
 # --- Setpoints ------------------------------------------------------------------------------------
 
@@ -56,32 +56,6 @@ def test_parameters_are_written_and_saved_exactly_once():
 
 
 @pytest.mark.parametrize("kind", [Move, Turn])
-@pytest.mark.parametrize("how", ["unplugged", "restarted"])
+@pytest.mark.parametrize("how", ["unplugged", "restarted", "paused"])
 def test_a_move_that_loses_its_robot_ends_and_is_never_begun_again(kind: type, how: str):
-    bench = Bench(Faults(), seed=7)
-    robot = bench.robot
-    errand = robot.move(1500, 300) if kind is Move else robot.turn(12.0, 2.0)
-    bench.run(1.0)
-    assert errand.taken
-    if how == "unplugged":
-        bench.plugged.close()
-        bench.clock.sleep_s(1.0)
-    else:
-        bench.sim.board.reset(ResetCause.BROWN_OUT)
-    with pytest.raises(DeviceError):
-        robot.wait(errand)
-    back = robot.reconnect()
-    assert back.restarted == (how == "restarted")
-    result = robot.wait(errand)
-    assert result.outcome == Outcome.ABORTED
-    assert result.reason == (Refusal.BAD_NONCE if how == "restarted" else Refusal.BY_FAULT)
-    bench.run(0.5)
-    stood_at = bench.sim.body.axle
-    bench.run(2.0)
-    assert bench.sim.body.axle == stood_at
-    assert bench.starts == 1
-    if how == "unplugged":
-        robot.clear()
-        bench.run(0.05)
-    assert robot.wait(robot.move(100, 200)).done
-    assert bench.starts == 2
+    lose_during_a_move(Bench(Faults(), seed=7), kind, how)

@@ -12,6 +12,8 @@ from pathlib import Path
 
 import pytest
 
+from host.link.faults import Faults
+from host.link.protocol import Move
 from host.sim import rolling
 from host.sim.avr.board import AvrBoard
 
@@ -20,6 +22,7 @@ from bad_line_bench import (
     NOISY,
     ROUGH,
     Bench,
+    lose_during_a_move,
     move_often,
     percentile,
     setpoint_ages_ms,
@@ -47,3 +50,8 @@ def test_moves_are_each_done_exactly_once():
 
 def test_parameters_are_written_and_saved_exactly_once():
     write_often(Bench(ROUGH, 6, avr=True), 100)
+
+
+@pytest.mark.parametrize("how", ["unplugged", "restarted", "paused"])
+def test_a_move_that_loses_its_robot_ends_and_is_never_begun_again(how: str):
+    lose_during_a_move(Bench(Faults(), seed=7, avr=True), Move, how)
