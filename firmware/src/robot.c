@@ -472,10 +472,14 @@ static uint8_t watch_wheels(struct robot *robot)
     return watch_update(&robot->watch, wheels, supervisor_coasts(&robot->supervisor));
 }
 
-void robot_control(struct robot *robot, uint32_t now_us)
+void robot_sense(struct robot *robot, uint32_t now_us)
 {
     sense_wheels(robot, now_us);
     robot->battery_mv = hal_battery_mv(robot->hal);
+}
+
+void robot_control(struct robot *robot, uint32_t now_us)
+{
     struct supervisor_senses senses = {
         .battery_mv = robot->battery_mv,
         .estop_pressed = hal_estop_pressed(robot->hal),
@@ -507,6 +511,7 @@ void robot_report(struct robot *robot, uint32_t now_us)
 
 void robot_tick(struct robot *robot, uint32_t now_us)
 {
+    robot_sense(robot, now_us);
     robot_control(robot, now_us);
     robot_report(robot, now_us);
 }

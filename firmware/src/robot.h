@@ -54,12 +54,14 @@ static inline void robot_encoder_edge(struct robot *robot, uint8_t side, uint8_t
 // motors.
 void robot_receive_byte(struct robot *robot, uint8_t byte, uint32_t now_us);
 
-// The two halves of a tick, for a processor on which a byte that completes an ESTOP must not wait for both: it may
-// handle bytes between them. Sense, decide, drive; then report, with the same now_us.
+// The three parts of a tick, for a processor on which a byte that completes an ESTOP must not wait for all of them:
+// it may handle bytes in between. Sense; decide and drive, with a time not before that of any byte; then report, with
+// the time of sensing.
+void robot_sense(struct robot *robot, uint32_t now_us);
 void robot_control(struct robot *robot, uint32_t now_us);
 void robot_report(struct robot *robot, uint32_t now_us);
 
-// Every ROBOT_TICK_US: both at once.
+// Every ROBOT_TICK_US: all three at once.
 void robot_tick(struct robot *robot, uint32_t now_us);
 
 #endif

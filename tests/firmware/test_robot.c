@@ -284,12 +284,14 @@ static void the_last_byte_of_an_estop_has_zeroed_the_motors(void **state)
     expect_motors_off();
 }
 
-static void an_estop_between_the_halves_of_a_tick_is_obeyed_and_reported(void **state)
+static void an_estop_between_the_parts_of_a_tick_is_obeyed_and_reported(void **state)
 {
     (void)state;
+    robot_sense(&rig.robot, rig.now_us);
     robot_control(&rig.robot, rig.now_us);
     robot_report(&rig.robot, rig.now_us);
     rig.now_us += ROBOT_TICK_US;
+    robot_sense(&rig.robot, rig.now_us);
     robot_control(&rig.robot, rig.now_us);
     assert_true(rig.hal.duty[DRIVE_LEFT] > 0);
     tell(MSG_ESTOP, NULL, 0);
@@ -297,6 +299,18 @@ static void an_estop_between_the_halves_of_a_tick_is_obeyed_and_reported(void **
     assert_int_equal(rig.hal.duty[DRIVE_RIGHT], 0);
     robot_report(&rig.robot, rig.now_us);
     assert_int_equal(latest_telemetry().fault, FAULT_ESTOP_FRAME);
+}
+
+static void a_drive_between_the_parts_of_a_tick_is_not_taken_for_an_old_one(void **state)
+{
+    (void)state;
+    robot_sense(&rig.robot, rig.now_us);
+    rig.now_us += 100;
+    tell_drive(200, 0);
+    robot_control(&rig.robot, rig.now_us);
+    assert_true(rig.hal.duty[DRIVE_LEFT] > 0);
+    robot_report(&rig.robot, rig.now_us);
+    assert_int_equal(latest_telemetry().fault, FAULT_NONE);
 }
 
 static void an_estop_needs_no_session_and_no_order(void **state)
@@ -497,7 +511,8 @@ int main(void)
         cmocka_unit_test_setup(a_foreign_host_hears_who_this_is_and_that_it_was_refused, start),
         cmocka_unit_test_setup(ping_is_answered_with_its_own_number_and_the_time_it_came, start),
         cmocka_unit_test_setup(the_last_byte_of_an_estop_has_zeroed_the_motors, driving),
-        cmocka_unit_test_setup(an_estop_between_the_halves_of_a_tick_is_obeyed_and_reported, driving),
+        cmocka_unit_test_setup(an_estop_between_the_parts_of_a_tick_is_obeyed_and_reported, driving),
+        cmocka_unit_test_setup(a_drive_between_the_parts_of_a_tick_is_not_taken_for_an_old_one, driving),
         cmocka_unit_test_setup(an_estop_needs_no_session_and_no_order, driving),
         cmocka_unit_test_setup(clear_with_the_right_nonce_allows_driving_again, driving),
         cmocka_unit_test_setup(stop_brakes_at_once, driving),

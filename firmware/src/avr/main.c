@@ -90,8 +90,10 @@ static void receive_round(void)
 static void tick(void)
 {
     uint32_t now_us = clock_us();
-    robot_control(&robot, now_us);
-    receive_round(); // an ESTOP may be waiting, and reporting takes half a millisecond
+    robot_sense(&robot, now_us);
+    receive_round(); // an ESTOP may be waiting, and each part takes some tenths of a millisecond
+    robot_control(&robot, clock_us());
+    receive_round();
     robot_report(&robot, now_us);
     show_fault();
 }
