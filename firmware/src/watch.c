@@ -153,7 +153,7 @@ static bool is_missed(const struct watch_side *side)
 {
     if (side->retreated && side->silent >= RETREAT_TICKS && side->paced_q4 >= side->way_q4 / 8u * 5u)
         return true;
-    bool turning_back = side->turned == 0 && side->rolling_q4 != 0;
+    bool turning_back = side->turned == 0 && (side->rolling_q4 != 0 || side->retreated); // or reversed
     uint32_t pushed_most = turning_back ? 2u * side->pushed_most : side->pushed_most;
     return side->silent >= MISSED_TICKS
         && (side->paced_q4 >= side->way_q4 || side->pushed >= pushed_most || owes(side, DEAD_ASKED));

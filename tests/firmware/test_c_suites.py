@@ -11,6 +11,7 @@ import pytest
 HERE = Path(__file__).parent
 FIRMWARE = HERE.parents[1] / "firmware/src"
 SUITES = sorted(HERE.glob("test_*.c"))
+HELPERS = [HERE / f"{name}.c" for name in ("fake_hal", "host_frames", "rolling_robot")]
 COMPILER = os.environ.get("CC", "cc")
 FLAGS = [
     *("-std=gnu11", "-O1", "-g", "-Wall", "-Wextra", "-Wconversion", "-Werror"),
@@ -40,10 +41,10 @@ def cmocka() -> None:
 
 @pytest.fixture(scope="module")
 def objects(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
-    """The firmware and the hardware of variables it is tested on, compiled once."""
+    """The firmware and what it is tested on, compiled once."""
     folder = tmp_path_factory.mktemp("firmware")
     compiled = []
-    for source in [*sorted(FIRMWARE.glob("*.c")), HERE / "fake_hal.c"]:
+    for source in [*sorted(FIRMWARE.glob("*.c")), *HELPERS]:
         compiled.append(folder / f"{source.stem}.o")
         _compile("-c", source, "-o", compiled[-1])
     return compiled
@@ -54,7 +55,7 @@ def test_the_firmware_does_what_its_c_specification_says(
     suite: Path, cmocka: None, objects: list[Path], tmp_path: Path
 ) -> None:
     program = tmp_path / suite.stem
-    _compile(suite, *objects, "-lcmocka", "-o", program)
+    _compile(suite, *objects, "-lcmocka", "-lm", "-o", program)
     done = subprocess.run([program], capture_output=True, text=True, timeout=120)
     if done.returncode:
         pytest.fail(f"{done.stdout}\n{done.stderr}", pytrace=False)
