@@ -10,7 +10,6 @@ from board_bench import FORWARD_PINS, Bench, Wheel
 
 from host.link.protocol import (
     Clear,
-    EStop,
     Fault,
     Hello,
     LinkStatus,
@@ -130,18 +129,6 @@ def test_when_the_host_falls_silent_the_motors_are_off_within_200_ms_and_a_tick(
     bench.run_ms(200)
     assert [wheel.speed_mm_s for wheel in bench.wheels] == pytest.approx([0, 0], abs=15)
     assert bench.hear_telemetry().fault == Fault.LINK_LOST
-
-
-@pytest.mark.parametrize("delay_us", range(0, 10_000, 200))
-def test_an_estop_frame_zeroes_the_pwm_within_1_ms_of_its_last_byte(bench: Bench, delay_us: int) -> None:
-    bench.drive_for_ms(300, 300)
-    bench.board.step(delay_us)
-    frame = bench.frame(EStop())
-    bench.board.write(bench.frame(Ping(1)) + frame)
-    bench.board.step(BYTE_US * (len(bench.frame(Ping(2))) + len(frame)) - BYTE_US)
-    assert all(bench.duties)
-    bench.board.step(BYTE_US + 1000)
-    assert bench.duties == OFF
 
 
 def test_the_button_stops_within_a_tick_and_holds_until_released_and_cleared(bench: Bench) -> None:
