@@ -486,7 +486,8 @@ class Robot:
             number = self._errand.number  # it was never taken; a late copy of it must not be this one
         now_s = self._clock.now_s()
         self._errand = Errand(make, (number + 1) & 0xFFFF, is_move=is_move, begun_s=now_s)
-        self._order = None  # a STOP that is repeated now would end the move
+        if is_move:
+            self._order = None  # a STOP that is repeated now would end the move
         self._serve_errand(now_s)
         return self._errand
 

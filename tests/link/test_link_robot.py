@@ -154,6 +154,65 @@ def test_clearing_names_the_start_of_the_robot_that_is_meant():
     assert commands(board, Clear) == [Clear(board.nonce)]
 
 
+def lossy(lost: int) -> tuple[Robot, ScriptedRobot, VirtualClock]:
+    """A session in which the next `lost` frames to the robot vanish."""
+    robot, board, clock = connected()
+    for _ in range(300):  # past the time in which many PINGs are sent
+        clock.sleep_s(0.01)
+        robot.poll()
+    write, left = board.write, [lost]
+
+    def lose(data: bytes) -> None:
+        left[0] -= 1
+        if left[0] < 0:
+            write(data)
+
+    board.write = lose  # type: ignore[method-assign]
+    return robot, board, clock
+
+
+def look(robot: Robot, clock: VirtualClock, seconds: float) -> None:
+    for _ in range(round(seconds * 100)):
+        clock.sleep_s(0.01)
+        robot.poll()
+
+
+def test_a_setpoint_that_was_lost_is_repeated_with_its_first_deadline_until_it_is_obeyed():
+    robot, board, clock = lossy(2)
+    given_us = board.mcu_us(clock.now_s())
+    robot.drive(300, 0)
+    look(robot, clock, 0.15)
+    (drive,) = commands(board, Drive)
+    assert isinstance(drive, Drive)
+    assert (drive.expires_us - given_us) & 0xFFFF_FFFF == pytest.approx(200_000, abs=200)
+    assert board.state == State.DRIVING
+
+
+def test_a_setpoint_that_keeps_getting_lost_is_given_up_before_it_dies():
+    robot, board, clock = lossy(1000)
+    sent_to, board.write = [], lambda data: sent_to.append(data)  # type: ignore[method-assign]
+    robot.drive(300, 0)
+    look(robot, clock, 0.24)
+    assert 6 <= sum(data[2] == Drive.ID for data in sent_to) <= 9
+
+
+def test_a_later_command_ends_the_repetition_of_the_one_before():
+    robot, board, clock = lossy(1)
+    robot.drive(300, 0)
+    robot.stop()
+    look(robot, clock, 0.2)
+    assert commands(board, Drive) == []
+    assert commands(board, Stop) == [Stop()]
+
+
+def test_an_emergency_stop_that_was_lost_thrice_is_repeated_until_telemetry_shows_it():
+    robot, board, clock = lossy(ESTOP_COPIES + 1)
+    robot.estop()
+    look(robot, clock, 0.1)
+    assert len(commands(board, EStop)) == 1
+    assert board.state == State.FAULT
+
+
 def test_noise_in_a_pause_costs_no_command():
     robot, board, clock = connected()
     board.write(b"\x07\x55\x55")
