@@ -2,16 +2,18 @@
 #include "wheel.h" // this file's manual
 
 #define LAG_SHARE_Q8 21       // of what is missing to the speed told that is gained in a tick: a lag of 60 ms
-#define FRICTION_Q4 INT32_C(160)       // a braked wheel slows down as if it were told to go this fast the other way
+#define FRICTION_Q4 INT32_C(100)       // a braked wheel slows down as if it were told to go this fast the other way
 #define TICKS_MOST 60         // further back nothing is averaged
-#define TICKS_LEAST 12        // errors over less than the lag are no errors in speed
+#define TICKS_LEAST 10        // errors over less than the lag are no errors in speed
 #define TICK_IN_PARTS(us) ((int32_t)(us) * 105 / 2048) // of a tick, times 256
 #define AGE_MOST_US 20000u    // of an edge that came in this tick
 #define RELEASED_Q4 2000      // fastest a wheel is by the edge that shows it is no longer held
 
+#define PUSH_Q12 1024         // a wheel that is held, however slow it was told to go, is as much slower every tick
+
 #define EDGES_TO_PLACE 5      // the last of them tells where the wheel began
 #define SLOW_START_TICKS 48   // a wheel that needs longer for its first edge did not gain speed evenly
-#define UNLEARNED_Q8 320      // drift after a few edges is only learned in part: what it will be, times 256
+#define UNLEARNED_Q8 300      // drift after a few edges is only learned in part: what it will be, times 256
 #define STEP_LEAST_Q4 8       // lest anything be divided by less
 
 static int32_t within(int32_t value, int32_t limit)
@@ -191,6 +193,8 @@ static void stay_within_count(struct wheel *wheel, int32_t count_16um)
     int32_t correction = -error_q12(wheel, over);
     gain_speed(wheel, correction);
     bool held = wheel->stuck >= WHEEL_STUCK_TICKS;
+    if (held && correction > -PUSH_Q12 && correction < PUSH_Q12)
+        correction = over > 0 ? -PUSH_Q12 : PUSH_Q12;
     if (!wheel->full && !(held && wheel->hard))
         learn(wheel, correction * wheel->learn_q8 / 256);
     wheel->stuck = (uint8_t)(wheel->stuck + !held);
