@@ -1,6 +1,12 @@
-"""The firmware on the simulated board: from bytes and edges to motors, in virtual time."""
+"""The firmware on a board: from bytes and edges to motors, in virtual time.
+
+What takes `bench` or `make_board` runs twice: compiled for this machine, and as the ELF on its processor.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
 
 import pytest
 from board_bench import FORWARD_PINS, Bench, Wheel
@@ -34,9 +40,19 @@ BYTE_US = 40
 OFF = (0.0, 0.0)
 
 
+MakeBoard = Callable[..., Board]
+
+
 @pytest.fixture
-def bench() -> Bench:
-    made = Bench()
+def bench(make_board: MakeBoard) -> Bench:
+    """With an open session."""
+    return in_session(make_board())
+
+
+def in_session(board: Board, *wheels: Wheel) -> Bench:
+    """A board that has started, and has been said hello to."""
+    made = Bench(board, wheels) if wheels else Bench(board)  # type: ignore[arg-type]
+    made.run_ms(50)
     made.open_session()
     return made
 
@@ -44,12 +60,18 @@ def bench() -> Bench:
 # --- Driving ------------------------------------------------------------------------------------
 
 
-def test_a_board_that_nobody_talks_to_says_hello_reports_and_stands_still() -> None:
-    bench = Bench()
+def test_a_board_that_nobody_talks_to_says_hello_reports_at_100_hz_and_stands_still(
+    make_board: MakeBoard, slack_us: int
+) -> None:
+    bench = Bench(make_board())
     bench.run_ms(1000)
     said = bench.hear()
     assert isinstance(said[0], Hello)
-    assert sum(isinstance(message, Telemetry) for message in said) == 99  # the hundredth is on the line
+    assert said[0].reset_cause == ResetCause.POWER_ON
+    reports = [message for message in said if isinstance(message, Telemetry)]
+    assert len(reports) == (98 if slack_us else 99)  # the last is on the line; a real start takes 20 ms
+    gaps_us = [b.mcu_time_us - a.mcu_time_us for a, b in pairwise(reports)]
+    assert gaps_us == pytest.approx([10_000] * len(gaps_us), abs=slack_us / 20)
     assert said[-1].state == State.BOOT
     assert bench.duties == OFF
     assert bench.decoder.counters.frames == len(said)
@@ -68,9 +90,8 @@ def test_omega_to_the_right_is_a_faster_left_wheel(bench: Bench) -> None:
     assert [wheel.speed_mm_s for wheel in bench.wheels] == pytest.approx([275, 125], rel=0.02)
 
 
-def test_unequal_motors_go_straight_once_the_loop_has_learnt_them() -> None:
-    bench = Bench(wheels=(Wheel(mm_s_at_full=800), Wheel(mm_s_at_full=600, dead_zone=0.12)))
-    bench.open_session()
+def test_unequal_motors_go_straight_once_the_loop_has_learnt_them(make_board: MakeBoard) -> None:
+    bench = in_session(make_board(), Wheel(mm_s_at_full=800), Wheel(mm_s_at_full=600, dead_zone=0.12))
     bench.drive_for_ms(3000, 200)
     before_mm = [wheel.position_mm for wheel in bench.wheels]
     bench.drive_for_ms(2000, 200)
@@ -90,12 +111,19 @@ def test_the_counts_told_are_the_edges_that_came(bench: Bench) -> None:
     assert told.state == State.READY
 
 
-def test_the_edge_age_told_leads_back_to_the_moment_of_the_edge(bench: Bench) -> None:
+def test_the_edge_age_told_leads_back_to_the_moment_of_the_edge(bench: Bench, slack_us: int) -> None:
+    ping = bench.frame(Ping(1))
+    pinged_us = bench.board.time_us + BYTE_US * len(ping)
+    bench.board.write(ping)
+    bench.run_ms(10)
+    pong = next(message for message in bench.hear() if isinstance(message, Pong))
+    behind_us = pinged_us - pong.mcu_time_us  # a real clock started later; and took its time to see the ping
     edge_us = bench.board.time_us + 3210
     bench.board.set_encoder_pins(Side.LEFT, *FORWARD_PINS[1], edge_us)
-    bench.board.step(20_000)
+    bench.board.step(30_000)
     told = bench.hear_telemetry()
-    assert told.mcu_time_us - told.edge_age_left_us == pytest.approx(edge_us, abs=4)
+    moment_us = told.mcu_time_us - told.edge_age_left_us + behind_us
+    assert moment_us == pytest.approx(edge_us, abs=4 + 0.15 * slack_us)
     assert told.count_left == 1
 
 
@@ -103,9 +131,10 @@ def test_the_edge_age_told_leads_back_to_the_moment_of_the_edge(bench: Bench) ->
 
 
 @pytest.mark.parametrize("driven_ms", [50, 350, 1000])
-def test_when_the_host_falls_silent_the_motors_are_off_within_200_ms(driven_ms: int) -> None:
-    bench = Bench()
-    bench.open_session()
+def test_when_the_host_falls_silent_the_motors_are_off_within_200_ms(
+    make_board: MakeBoard, driven_ms: int
+) -> None:
+    bench = in_session(make_board())
     bench.drive_for_ms(driven_ms - 50, 300)
     bench.tell(bench.drive(300))
     bench.run_ms(190)
@@ -133,7 +162,8 @@ def test_pings_alone_do_not_keep_the_motors_on(bench: Bench) -> None:
     assert bench.hear_telemetry().fault == Fault.LINK_LOST
 
 
-def test_the_motors_are_off_before_the_line_could_carry_another_byte_after_an_estop(bench: Bench) -> None:
+def test_the_motors_are_off_before_the_line_could_carry_another_byte_after_an_estop() -> None:
+    bench = in_session(Board())  # how long the real processor takes stands in avr/test_avr_safety.py
     bench.drive_for_ms(500, 300)
     frame = bench.frame(EStop())
     bench.board.write(frame)
@@ -143,10 +173,12 @@ def test_the_motors_are_off_before_the_line_could_carry_another_byte_after_an_es
     assert bench.duties == OFF
 
 
-def test_the_button_stops_within_a_tick_and_holds_until_released_and_cleared(bench: Bench) -> None:
+def test_the_button_stops_within_a_tick_and_holds_until_released_and_cleared(
+    bench: Bench, slack_us: int
+) -> None:
     bench.drive_for_ms(500, 300)
     bench.board.press_estop(True)
-    bench.board.step(5000)
+    bench.board.step(5000 + slack_us)
     assert bench.duties == OFF
     bench.run_ms(20)
     told = bench.hear_telemetry()
@@ -168,29 +200,35 @@ def test_a_low_battery_ends_the_drive(bench: Bench) -> None:
     bench.drive_for_ms(100, 300)
     assert bench.duties == OFF
     told = bench.hear_telemetry()
-    assert (told.fault, told.battery_mv) == (Fault.BATTERY_LOW, 6000)
+    assert (told.fault, told.battery_mv) == (Fault.BATTERY_LOW, pytest.approx(6000, abs=20))  # two steps
 
 
-def test_a_restart_forgets_the_session_and_shows_itself(bench: Bench) -> None:
+@pytest.mark.parametrize("cause", [ResetCause.POWER_ON, ResetCause.EXTERNAL, ResetCause.BROWN_OUT])
+def test_a_restart_turns_the_motors_off_forgets_the_session_and_shows_itself(
+    bench: Bench, cause: ResetCause
+) -> None:
     bench.drive_for_ms(500, 300)
     nonce = bench.hear_telemetry().boot_nonce
-    bench.board.reset(ResetCause.BROWN_OUT)
-    assert bench.duties == OFF
+    bench.board.reset(cause)
+    for _ in range(60):
+        assert bench.duties == OFF
+        bench.run_ms(1)
     bench.tell(bench.drive(300))
     bench.run_ms(30)
     said = bench.hear()
     hello = next(message for message in said if isinstance(message, Hello))
-    assert hello.reset_cause == ResetCause.BROWN_OUT
+    assert hello.reset_cause == cause
     assert hello.boot_nonce != nonce
     assert [message.reason for message in said if isinstance(message, Nack)] == [Refusal.NO_SESSION]
-    assert said[-1].mcu_time_us <= 30_000
+    assert said[-1].mcu_time_us <= 90_000
     assert bench.duties == OFF
 
 
 # --- A hung main loop ---------------------------------------------------------------------------
 
 
-def test_a_drive_that_waited_out_a_hang_is_too_old_to_obey(bench: Bench) -> None:
+def test_a_drive_that_waited_out_a_hang_is_too_old_to_obey() -> None:
+    bench = in_session(Board())  # the real clock is behind, and its watchdog would not bear much more
     bench.board.hang(40_000)
     bench.tell(bench.drive(300, hold_ms=30))
     bench.run_ms(50)
@@ -198,12 +236,12 @@ def test_a_drive_that_waited_out_a_hang_is_too_old_to_obey(bench: Bench) -> None
     assert [message.reason for message in bench.hear() if isinstance(message, Nack)] == [Refusal.EXPIRED]
 
 
-def test_bytes_beyond_the_receive_buffer_are_lost_and_counted(bench: Bench) -> None:
+def test_bytes_beyond_the_receive_buffer_are_lost_and_counted(bench: Bench, slack_us: int) -> None:
     bench.board.hang(20_000)
     bench.board.write(bytes(100))
     bench.run_ms(500)
     status = [message for message in bench.hear() if isinstance(message, LinkStatus)][-1]
-    assert status.rx_overrun == 36
+    assert status.rx_overrun == (37 if slack_us else 36)  # one place of the real ring stays free
     bench.tell(Ping(7))
     bench.run_ms(20)
     assert Pong in map(type, bench.hear())
@@ -278,13 +316,14 @@ def test_bytes_take_40_us_each_both_ways() -> None:
     assert pong.mcu_time_us == asked_us + BYTE_US * len(ping)
 
 
-def test_the_size_of_the_steps_makes_no_difference() -> None:
+def test_the_size_of_the_steps_makes_no_difference(make_board: MakeBoard) -> None:
     def said(step_us: int) -> bytes:
-        bench = Bench()
+        bench = Bench(make_board(5))
         bench.tell(HelloRequest(PROTOCOL_VERSION, SCHEMA_HASH))
         bench.tell(bench.drive(300))
         bench.board.set_encoder_pins(Side.RIGHT, *FORWARD_PINS[1], 12_345)
-        bench.board.set_encoder_pins(Side.LEFT, *FORWARD_PINS[3], 7_000)
+        for k in range(1, 100):
+            bench.board.set_encoder_pins(Side.LEFT, *FORWARD_PINS[k % 4], 1_000 + 1_777 * k)
         for _ in range(300_000 // step_us):
             bench.board.step(step_us)
         return bench.board.read()
@@ -292,45 +331,44 @@ def test_the_size_of_the_steps_makes_no_difference() -> None:
     assert said(1000) == said(40) == said(300_000) == said(12_500)
 
 
-def test_boards_live_side_by_side_and_equal_ones_behave_equally() -> None:
-    one, same, other = Bench(Board(seed=1)), Bench(Board(seed=1)), Bench(Board(seed=2))
-    for bench in (one, same, other):
-        bench.open_session()
+def test_boards_live_side_by_side_and_equal_ones_behave_equally(make_board: MakeBoard) -> None:
+    one, same, other = (in_session(make_board(seed)) for seed in (1, 1, 2))
     one.drive_for_ms(500, 200)
     same.drive_for_ms(500, 200)
     other.run_ms(500)
     assert one.board.read() == same.board.read()
     assert one.duties == same.duties != OFF
     assert other.duties == OFF
-    assert one.open_session().boot_nonce != other.open_session().boot_nonce
+    one.run_ms(20)
+    assert one.hear_telemetry().boot_nonce != other.hear_telemetry().boot_nonce
 
 
-def test_pins_are_found_as_they_are_at_a_restart() -> None:
-    bench = Bench()
+def test_pins_are_found_as_they_are_at_a_restart(make_board: MakeBoard) -> None:
+    bench = Bench(make_board())
     for count in range(1, 5):
         bench.board.set_encoder_pins(Side.LEFT, *FORWARD_PINS[count % 4])
         bench.board.reset()
-        bench.run_ms(20)
+        bench.run_ms(60)
         told = bench.hear_telemetry()
         assert (told.count_left, told.illegal_left) == (0, 0)
 
 
-def test_what_cannot_be_is_refused() -> None:
-    board = Board()
+def test_what_cannot_be_is_refused(make_board: MakeBoard) -> None:
+    board = make_board()
     board.step(1000)
     with pytest.raises(ValueError, match="comes too late"):
         board.set_encoder_pins(Side.LEFT, True, False, 999)
     with pytest.raises(ValueError, match="time does not go back"):
         board.step(-1)
     with pytest.raises(ValueError, match="1024 bytes"):
-        Board(eeprom=bytes(1025))
+        make_board(0, bytes(1025))
 
 
 # --- The host's own client on it ----------------------------------------------------------------
 
 
-def test_the_hosts_client_connects_drives_and_hears() -> None:
-    bench = Bench()
+def test_the_hosts_client_connects_drives_and_hears(make_board: MakeBoard) -> None:
+    bench = Bench(make_board())
     with Robot(Line(bench.board), bench) as robot:
         robot.connect()
         for _ in range(20):
