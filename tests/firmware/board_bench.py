@@ -19,12 +19,13 @@ from host.link.protocol import (
 from host.sim.board import Board, Side
 
 MM_PER_COUNT = 5.0
+COAST_LAG_S = 0.5
 FORWARD_PINS = ((False, False), (True, False), (True, True), (False, True))  # (a, b)
 
 
 @dataclass
 class Wheel:
-    """A gear motor with a dead zone and a lag; shorted, it brakes."""
+    """A gear motor with dry friction and a lag; shorted, it brakes, and open, it rolls out."""
 
     mm_s_at_full: float = 700.0
     dead_zone: float = 0.08
@@ -36,10 +37,14 @@ class Wheel:
     def turn(self, board: Board, side: Side, duration_us: int) -> None:
         """Move on by `duration_us` under the present duty; its edges come during the next step."""
         duty = board.duty(side)
-        free = max(0.0, abs(duty) - self.dead_zone) / (1.0 - self.dead_zone)
-        aim_mm_s = math.copysign(free * self.mm_s_at_full, duty)
         was_mm_s, was_mm, duration_s = self.speed_mm_s, self.position_mm, duration_us * 1e-6
-        self.speed_mm_s += (aim_mm_s - was_mm_s) * min(1.0, duration_s / self.lag_s)
+        if was_mm_s or abs(duty) > self.dead_zone:
+            free = duty - math.copysign(self.dead_zone, was_mm_s or duty)
+            aim_mm_s = free / (1.0 - self.dead_zone) * self.mm_s_at_full
+            lag_s = COAST_LAG_S if board.coasting(side) else self.lag_s
+            self.speed_mm_s += (aim_mm_s - was_mm_s) * min(1.0, duration_s / lag_s)
+        if self.speed_mm_s * was_mm_s < 0.0:
+            self.speed_mm_s = 0.0  # friction stops a wheel and does not turn it
         self.position_mm += (was_mm_s + self.speed_mm_s) / 2 * duration_s
         while (count := math.floor(self.position_mm / MM_PER_COUNT)) != self.count:
             forward = count > self.count
