@@ -10,6 +10,7 @@ import pytest
 from host.camera.frame import Frame
 from host.depth.config import DepthConfig
 from host.errors import EXIT_DEVICE, EXIT_DONE, EXIT_INTERRUPTED, EXIT_SAFETY, DeviceError
+from host.link.faults import Faults, FaultyLine
 from host.link.protocol import ResetCause
 from host.link.robot import RECONNECT_S, Robot
 from host.nav.config import BodyConfig, NavConfig
@@ -282,6 +283,20 @@ def test_a_robot_that_restarts_on_the_way_stands_and_then_goes_on_from_where_it_
     print(f"\nrestarted: back after {lost.away_s} s, off by {off_cm(simulation, log):.2f} cm")
     assert off_cm(simulation, log) < 2.0
     assert stands(simulation)
+
+
+@pytest.mark.parametrize(
+    "faults", [{"bit_error_rate": 1e-4}, {"drop": 0.1}], ids=["bit errors", "a tenth lost"]
+)
+def test_a_bad_line_stops_nothing_and_the_way_is_known_as_well(faults: dict[str, float]):
+    simulation = Simulation("sim:room?seed=3")
+    line = FaultyLine(simulation.transport, simulation.clock, Faults(**faults), Faults(**faults), seed=2)
+    log, code = run(simulation, line=line, max_time_s=6.0)
+    assert (log.outcome, code) == ("timeout", EXIT_DONE)
+    assert (log.reconnections, log.faults_cleared, log.refused_frames) == ([], 0, 0)
+    for injected in (line.injected_to_robot, line.injected_to_host):
+        assert injected.damaged + injected.dropped >= 2
+    assert off_cm(simulation, log) < 1.0
 
 
 def test_a_cable_that_is_never_put_back_ends_the_drive():
