@@ -127,13 +127,13 @@ def make_avr_board(built: Path) -> Callable[..., AvrBoard]:
     return make
 
 
-@pytest.fixture(scope="session", params=["host", "ELF"])
+@pytest.fixture(params=["host", "ELF"])
 def make_board(request: pytest.FixtureRequest) -> MakeBoard:
     """Makes boards, (seed, eeprom): once with the firmware compiled for this machine, once the real ones."""
     return Board if request.param == "host" else request.getfixturevalue("make_avr_board")
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture
 def slack_us(make_board: MakeBoard) -> int:
     """How much later than on paper a board may do something because work takes it time."""
     return 0 if make_board is Board else 1000
