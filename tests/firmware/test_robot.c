@@ -7,9 +7,10 @@
 #include <cmocka.h> // the test framework
 #include <string.h> // memset
 
-#include "fake_hal.h" // hardware of variables
-#include "messages.h" // what is said on the line
-#include "robot.h"    // what is specified here
+#include "fake_hal.h"    // hardware of variables
+#include "host_frames.h" // what a host says
+#include "messages.h"    // what is said on the line
+#include "robot.h"       // what is specified here
 
 #define NONCE 0xB0071234u
 
@@ -23,33 +24,9 @@ static struct {
 
 // --- A host ----------------------------------------------------------------------------------------
 
-// The frame of any message, which link_send() cannot make: it knows only the robot's own direction.
-static unsigned frame_of(uint8_t *wire, uint8_t id, uint8_t seq, const uint8_t *payload, uint8_t size)
-{
-    uint8_t raw[64] = {id, seq};
-    for (uint8_t i = 0; i < size; i++)
-        raw[2 + i] = payload[i];
-    msg_put_u32(raw + 2 + size, link_crc32c(raw, (uint8_t)(2 + size)));
-    unsigned code = 0, at = 1;
-    for (unsigned i = 0; i < size + LINK_OVERHEAD; i++) {
-        if (raw[i] == 0) {
-            wire[code] = (uint8_t)(at - code);
-            code = at++;
-        } else {
-            wire[at++] = raw[i];
-        }
-    }
-    wire[code] = (uint8_t)(at - code);
-    wire[at++] = 0;
-    return at;
-}
-
 static void tell(uint8_t id, const uint8_t *payload, uint8_t size)
 {
-    uint8_t wire[80];
-    unsigned length = frame_of(wire, id, rig.seq++, payload, size);
-    for (unsigned i = 0; i < length; i++)
-        robot_receive_byte(&rig.robot, wire[i], rig.now_us);
+    host_tell(&rig.robot, rig.now_us, id, rig.seq++, payload, size);
 }
 
 static void tell_hello(uint32_t schema_hash)
@@ -74,6 +51,56 @@ static void tell_clear(uint32_t nonce)
     uint8_t payload[MSG_CLEAR_SIZE];
     msg_clear_encode(&clear, payload);
     tell(MSG_CLEAR, payload, sizeof payload);
+}
+
+static void tell_stop(uint8_t how)
+{
+    tell(MSG_STOP, &how, MSG_STOP_SIZE);
+}
+
+static void tell_move(uint32_t nonce, uint16_t request, int16_t distance_mm, uint16_t speed_mm_s, uint32_t hold_us)
+{
+    struct msg_move move = {nonce, request, distance_mm, speed_mm_s, rig.now_us + hold_us};
+    uint8_t payload[MSG_MOVE_SIZE];
+    msg_move_encode(&move, payload);
+    tell(MSG_MOVE, payload, sizeof payload);
+}
+
+static void tell_turn(uint32_t nonce, uint16_t request, int16_t angle_mrad, uint16_t rate_mrad_s)
+{
+    struct msg_turn turn = {nonce, request, angle_mrad, rate_mrad_s, rig.now_us + DEAD_MAN_US};
+    uint8_t payload[MSG_TURN_SIZE];
+    msg_turn_encode(&turn, payload);
+    tell(MSG_TURN, payload, sizeof payload);
+}
+
+static void tell_keep_alive(uint32_t hold_us)
+{
+    struct msg_keep_alive alive = {rig.now_us + hold_us};
+    uint8_t payload[MSG_KEEP_ALIVE_SIZE];
+    msg_keep_alive_encode(&alive, payload);
+    tell(MSG_KEEP_ALIVE, payload, sizeof payload);
+}
+
+static void tell_param_read(uint8_t param)
+{
+    tell(MSG_PARAM_READ, &param, MSG_PARAM_READ_SIZE);
+}
+
+static void tell_param_write(uint32_t nonce, uint16_t request, uint8_t param, int32_t value)
+{
+    struct msg_param_write write = {nonce, request, param, value};
+    uint8_t payload[MSG_PARAM_WRITE_SIZE];
+    msg_param_write_encode(&write, payload);
+    tell(MSG_PARAM_WRITE, payload, sizeof payload);
+}
+
+static void tell_param_save(uint32_t nonce, uint16_t request)
+{
+    struct msg_param_save save = {nonce, request};
+    uint8_t payload[MSG_PARAM_SAVE_SIZE];
+    msg_param_save_encode(&save, payload);
+    tell(MSG_PARAM_SAVE, payload, sizeof payload);
 }
 
 // The next message the robot has sent; its id, or 0 when there is none. Fails on a broken frame.
@@ -386,6 +413,383 @@ static void a_repeated_drive_is_not_obeyed_twice(void **state)
     assert_int_equal(latest_telemetry().fault, FAULT_LINK_LOST);
 }
 
+// --- Requests --------------------------------------------------------------------------------------
+
+static void expect_request(uint16_t request, uint8_t outcome, uint8_t reason)
+{
+    ticks(2); // telemetry comes with every second one
+    struct msg_telemetry telemetry = latest_telemetry();
+    assert_int_equal(telemetry.request, request);
+    assert_int_equal(telemetry.outcome, outcome);
+    assert_int_equal(telemetry.reason, reason);
+}
+
+static void expect_param_value(uint8_t param, int32_t value)
+{
+    uint8_t payload[64];
+    struct msg_param_value told;
+    expect_heard(MSG_PARAM_VALUE, payload);
+    msg_param_value_decode(&told, payload);
+    assert_int_equal(told.param, param);
+    assert_int_equal(told.value, value);
+}
+
+static int moving(void **state)
+{
+    session(state);
+    tell_move(NONCE, 1, 500, 200, DEAD_MAN_US);
+    ticks(10);
+    return 0;
+}
+
+static void before_any_request_there_is_none(void **state)
+{
+    (void)state;
+    expect_request(0, OUTCOME_NONE, REFUSED_NONE);
+}
+
+static void a_move_runs_and_is_told_to_run(void **state)
+{
+    (void)state;
+    assert_true(rig.hal.duty[DRIVE_LEFT] > 0);
+    assert_true(rig.hal.duty[DRIVE_RIGHT] > 0);
+    assert_int_equal(rig.robot.supervisor.state, STATE_MOVING);
+    expect_request(1, OUTCOME_RUNNING, REFUSED_NONE);
+}
+
+static void a_turn_to_the_right_drives_the_left_wheel_forward_and_the_right_one_back(void **state)
+{
+    (void)state;
+    tell_turn(NONCE, 1, 1571, 1000);
+    ticks(10);
+    assert_true(rig.hal.duty[DRIVE_LEFT] > 0);
+    assert_true(rig.hal.duty[DRIVE_RIGHT] < 0);
+    expect_request(1, OUTCOME_RUNNING, REFUSED_NONE);
+}
+
+static void a_move_of_nothing_is_done_when_the_wheels_stand(void **state)
+{
+    (void)state;
+    tell_move(NONCE, 1, 0, 200, DEAD_MAN_US);
+    for (int tick = 0; tick < 100 && rig.robot.supervisor.state == STATE_MOVING; tick++) {
+        tell_keep_alive(DEAD_MAN_US);
+        ticks(1);
+    }
+    expect_motors_off();
+    assert_int_equal(rig.robot.supervisor.state, STATE_READY);
+    expect_request(1, OUTCOME_DONE, REFUSED_NONE);
+}
+
+static void a_repeated_request_is_not_done_again_and_not_complained_of(void **state)
+{
+    (void)state;
+    uint8_t payload[64];
+    int32_t way_um = rig.robot.move.way_um;
+    rig.read = rig.hal.uart_size;
+    tell_move(NONCE, 1, 900, 100, DEAD_MAN_US);
+    assert_int_equal(hear(payload), 0);
+    assert_int_equal(rig.robot.move.way_um, way_um);
+    tell_stop(STOP_BRAKE);
+    ticks(200);
+    tell_move(NONCE, 1, 500, 200, DEAD_MAN_US); // nor when it has ended
+    ticks(1);
+    expect_motors_off();
+    expect_request(1, OUTCOME_ABORTED, REFUSED_BY_STOP);
+}
+
+static void an_older_request_and_one_for_another_start_are_refused_and_leave_no_trace(void **state)
+{
+    (void)state;
+    tell_param_write(NONCE, 0xFFFF, PARAM_SPEED_MAX_MM_S, 100);
+    expect_nack(MSG_PARAM_WRITE, REFUSED_OLD_REQUEST);
+    tell_param_save(NONCE ^ 1, 2);
+    expect_nack(MSG_PARAM_SAVE, REFUSED_BAD_NONCE);
+    tell_move(NONCE ^ 1, 2, 500, 200, DEAD_MAN_US);
+    expect_nack(MSG_MOVE, REFUSED_BAD_NONCE);
+    tell_turn(NONCE ^ 1, 2, 500, 200);
+    expect_nack(MSG_TURN, REFUSED_BAD_NONCE);
+    expect_request(1, OUTCOME_RUNNING, REFUSED_NONE);
+}
+
+static void without_a_session_nothing_is_taken(void **state)
+{
+    (void)state;
+    tell_move(NONCE, 1, 500, 200, DEAD_MAN_US);
+    expect_nack(MSG_MOVE, REFUSED_NO_SESSION);
+    tell_param_write(NONCE, 1, PARAM_SPEED_MAX_MM_S, 100);
+    expect_nack(MSG_PARAM_WRITE, REFUSED_NO_SESSION);
+    tell_param_read(PARAM_SPEED_MAX_MM_S);
+    expect_nack(MSG_PARAM_READ, REFUSED_NO_SESSION);
+    expect_request(0, OUTCOME_NONE, REFUSED_NONE);
+}
+
+static void a_move_is_refused_with_its_reason_and_its_number_is_spent(void **state)
+{
+    (void)state;
+    tell_move(NONCE, 1, 500, 0, DEAD_MAN_US);
+    expect_nack(MSG_MOVE, REFUSED_BAD_VALUE);
+    tell_turn(NONCE, 2, 500, 0);
+    expect_nack(MSG_TURN, REFUSED_BAD_VALUE);
+    tell_move(NONCE, 3, 500, 200, 0);
+    expect_nack(MSG_MOVE, REFUSED_EXPIRED);
+    tell_move(NONCE, 4, 500, 200, DRIVE_AHEAD_MAX_US + 1);
+    expect_nack(MSG_MOVE, REFUSED_BAD_VALUE);
+    expect_request(4, OUTCOME_REFUSED, REFUSED_BAD_VALUE);
+    tell(MSG_ESTOP, NULL, 0);
+    tell_move(NONCE, 5, 500, 200, DEAD_MAN_US);
+    expect_nack(MSG_MOVE, REFUSED_FAULT_LATCHED);
+    expect_request(5, OUTCOME_REFUSED, REFUSED_FAULT_LATCHED);
+}
+
+static void a_second_move_is_refused_and_the_first_goes_on_untold(void **state)
+{
+    (void)state;
+    tell_move(NONCE, 2, 100, 100, DEAD_MAN_US);
+    expect_nack(MSG_MOVE, REFUSED_NOT_STANDING);
+    assert_int_equal(rig.robot.supervisor.state, STATE_MOVING);
+    tell_stop(STOP_BRAKE);
+    expect_request(2, OUTCOME_REFUSED, REFUSED_NOT_STANDING);
+}
+
+static void a_move_brakes_at_its_deadline_and_goes_on_when_kept_alive(void **state)
+{
+    (void)state;
+    tell_keep_alive(20000);
+    ticks(3);
+    assert_true(rig.hal.duty[DRIVE_LEFT] > 0);
+    ticks(1);
+    expect_motors_off();
+    expect_request(1, OUTCOME_RUNNING, REFUSED_NONE);
+    tell_keep_alive(DEAD_MAN_US);
+    ticks(1);
+    assert_true(rig.hal.duty[DRIVE_LEFT] > 0);
+}
+
+static void a_move_without_keep_alive_ends_in_link_lost(void **state)
+{
+    (void)state;
+    ticks(40);
+    expect_motors_off();
+    assert_int_equal(rig.robot.supervisor.fault, FAULT_LINK_LOST);
+    expect_request(1, OUTCOME_ABORTED, REFUSED_BY_FAULT);
+}
+
+static void a_keep_alive_that_came_too_late_is_refused(void **state)
+{
+    (void)state;
+    tell_keep_alive((uint32_t)-1000);
+    expect_nack(MSG_KEEP_ALIVE, REFUSED_EXPIRED);
+}
+
+static void a_keep_alive_when_nothing_moves_is_nothing(void **state)
+{
+    (void)state;
+    uint8_t payload[64];
+    rig.read = rig.hal.uart_size;
+    tell_keep_alive(DEAD_MAN_US);
+    assert_int_equal(hear(payload), 0);
+    ticks(1);
+    expect_motors_off();
+}
+
+static void what_ends_a_move_is_told(void **state)
+{
+    tell_stop(STOP_BRAKE);
+    expect_motors_off();
+    expect_request(1, OUTCOME_ABORTED, REFUSED_BY_STOP);
+    moving(state);
+    tell_drive(200, 0);
+    expect_request(1, OUTCOME_ABORTED, REFUSED_BY_DRIVE);
+    assert_int_equal(rig.robot.supervisor.state, STATE_DRIVING);
+    moving(state);
+    tell(MSG_ESTOP, NULL, 0);
+    expect_motors_off();
+    expect_request(1, OUTCOME_ABORTED, REFUSED_BY_FAULT);
+    moving(state);
+    tell_hello(SCHEMA_HASH ^ 1u);
+    expect_motors_off();
+    expect_request(1, OUTCOME_ABORTED, REFUSED_NO_SESSION);
+}
+
+static void stop_may_let_the_wheels_roll(void **state)
+{
+    (void)state;
+    tell_stop(STOP_COAST);
+    assert_true(rig.hal.coasting[DRIVE_LEFT] && rig.hal.coasting[DRIVE_RIGHT]);
+    ticks(200);
+    assert_true(rig.hal.coasting[DRIVE_LEFT]);
+    tell_stop(STOP_BRAKE);
+    assert_false(rig.hal.coasting[DRIVE_LEFT]);
+    tell_stop(STOP_COAST);
+    tell(MSG_ESTOP, NULL, 0);
+    assert_false(rig.hal.coasting[DRIVE_LEFT]);
+    expect_motors_off();
+}
+
+// --- Parameters ------------------------------------------------------------------------------------
+
+static void a_parameter_is_told_when_asked_for(void **state)
+{
+    (void)state;
+    tell_param_read(PARAM_TRACK_UM);
+    expect_param_value(PARAM_TRACK_UM, 150000);
+    tell_param_read(PARAM_COUNT);
+    expect_nack(MSG_PARAM_READ, REFUSED_BAD_VALUE);
+}
+
+static void a_parameter_written_is_told_and_takes_effect_at_once(void **state)
+{
+    (void)state;
+    turn(DRIVE_LEFT, 9);
+    ticks(1);
+    tell_param_write(NONCE, 1, PARAM_SPEED_MAX_MM_S, 100);
+    expect_param_value(PARAM_SPEED_MAX_MM_S, 100);
+    expect_request(1, OUTCOME_DONE, REFUSED_NONE);
+    tell_drive(500, 0);
+    assert_int_equal(rig.robot.drive.target_q4[DRIVE_LEFT], 1600);
+    ticks(2);
+    assert_int_equal(latest_telemetry().count_left, 9); // counts go on
+}
+
+static void a_repeated_write_is_answered_and_not_done_again(void **state)
+{
+    (void)state;
+    tell_param_write(NONCE, 1, PARAM_SPEED_MAX_MM_S, 100);
+    expect_param_value(PARAM_SPEED_MAX_MM_S, 100);
+    tell_param_write(NONCE, 1, PARAM_SPEED_MAX_MM_S, 200);
+    expect_param_value(PARAM_SPEED_MAX_MM_S, 100);
+    expect_request(1, OUTCOME_DONE, REFUSED_NONE);
+}
+
+static void a_write_out_of_range_changes_nothing(void **state)
+{
+    (void)state;
+    tell_param_write(NONCE, 1, PARAM_SPEED_MAX_MM_S, 5000);
+    expect_nack(MSG_PARAM_WRITE, REFUSED_BAD_VALUE);
+    expect_request(1, OUTCOME_REFUSED, REFUSED_BAD_VALUE);
+    tell_param_write(NONCE, 2, PARAM_COUNT, 1);
+    expect_nack(MSG_PARAM_WRITE, REFUSED_BAD_VALUE);
+    tell_param_write(NONCE, 2, PARAM_COUNT, 1); // a repetition of it, without a NACK
+    expect_request(2, OUTCOME_REFUSED, REFUSED_BAD_VALUE);
+    tell_param_read(PARAM_SPEED_MAX_MM_S);
+    expect_param_value(PARAM_SPEED_MAX_MM_S, 600);
+}
+
+static void while_driving_or_moving_no_parameter_changes(void **state)
+{
+    tell_param_write(NONCE, 1, PARAM_SPEED_MAX_MM_S, 100);
+    expect_nack(MSG_PARAM_WRITE, REFUSED_NOT_STANDING);
+    tell_param_save(NONCE, 2);
+    expect_nack(MSG_PARAM_SAVE, REFUSED_NOT_STANDING);
+    moving(state);
+    tell_param_write(NONCE, 2, PARAM_SPEED_MAX_MM_S, 100);
+    expect_nack(MSG_PARAM_WRITE, REFUSED_NOT_STANDING);
+    assert_int_equal(params_get(&rig.robot.params, PARAM_SPEED_MAX_MM_S), 600);
+}
+
+static void a_parameter_may_change_in_a_fault_once_the_wheels_stand(void **state)
+{
+    (void)state;
+    turn(DRIVE_LEFT, 1);
+    ticks(1);
+    turn(DRIVE_LEFT, 1);
+    ticks(1);
+    tell(MSG_ESTOP, NULL, 0);
+    tell_param_write(NONCE, 1, PARAM_SPEED_MAX_MM_S, 100);
+    expect_nack(MSG_PARAM_WRITE, REFUSED_NOT_STANDING);
+    ticks(200);
+    tell_param_write(NONCE, 2, PARAM_SPEED_MAX_MM_S, 100);
+    expect_param_value(PARAM_SPEED_MAX_MM_S, 100);
+}
+
+static void restart(void)
+{
+    rig.hal.eeprom_busy = 0;
+    rig.seq = 0;
+    robot_init(&rig.robot, &rig.hal);
+    tell_hello(SCHEMA_HASH);
+}
+
+static void saved_parameters_are_there_after_a_restart(void **state)
+{
+    (void)state;
+    tell_param_write(NONCE, 1, PARAM_BATTERY_MIN_MV, 7000);
+    tell_param_save(NONCE, 2);
+    expect_request(2, OUTCOME_RUNNING, REFUSED_NONE);
+    tell_param_save(NONCE, 2); // again, which is nothing
+    tell_param_write(NONCE, 3, PARAM_TRACK_UM, 160000);
+    expect_nack(MSG_PARAM_WRITE, REFUSED_BUSY);
+    tell_move(NONCE, 4, 100, 100, DEAD_MAN_US);
+    expect_nack(MSG_MOVE, REFUSED_BUSY);
+    ticks(400);
+    expect_request(4, OUTCOME_REFUSED, REFUSED_BUSY); // whose turn is over
+    tell_param_write(NONCE, 5, PARAM_TRACK_UM, 160000);
+    tell_param_save(NONCE, 6);
+    ticks(400);
+    expect_request(6, OUTCOME_DONE, REFUSED_NONE);
+    restart();
+    assert_int_equal(params_get(&rig.robot.params, PARAM_BATTERY_MIN_MV), 7000);
+    assert_int_equal(params_get(&rig.robot.params, PARAM_TRACK_UM), 160000);
+    assert_int_equal(rig.robot.supervisor.battery_min_mv, 7000);
+    assert_int_equal(rig.robot.drive.limits.track_um, 160000);
+}
+
+static void what_the_eeprom_does_not_keep_is_told(void **state)
+{
+    (void)state;
+    rig.hal.eeprom_stuck = true;
+    tell_param_save(NONCE, 1);
+    ticks(400);
+    expect_request(1, OUTCOME_ABORTED, REFUSED_NOT_STORED);
+}
+
+static void without_a_save_a_restart_forgets(void **state)
+{
+    (void)state;
+    tell_param_write(NONCE, 1, PARAM_TRACK_UM, 160000);
+    restart();
+    assert_int_equal(params_get(&rig.robot.params, PARAM_TRACK_UM), 150000);
+}
+
+// --- Watchdog and watch ----------------------------------------------------------------------------
+
+static void a_start_after_a_hang_waits_for_clear(void **state)
+{
+    (void)state;
+    rig.hal.reset_cause = RESET_WATCHDOG;
+    restart();
+    ticks(2);
+    assert_int_equal(latest_telemetry().fault, FAULT_WATCHDOG);
+    tell_drive(200, 0);
+    ticks(1);
+    expect_motors_off();
+    tell_clear(NONCE);
+    tell_drive(200, 0);
+    ticks(1);
+    assert_true(rig.hal.duty[DRIVE_LEFT] > 0);
+}
+
+static void a_late_tick_is_a_fault(void **state)
+{
+    (void)state;
+    rig.now_us += 3 * ROBOT_TICK_US;
+    ticks(1);
+    expect_motors_off();
+    assert_int_equal(rig.robot.supervisor.fault, FAULT_OVERRUN);
+}
+
+static void wheels_that_do_not_turn_are_a_stall(void **state)
+{
+    (void)state;
+    for (int tick = 0; tick < 200; tick++) {
+        tell_drive(300, 0);
+        ticks(1);
+        rig.hal.uart_size = rig.read = 0;
+    }
+    expect_motors_off();
+    assert_int_equal(rig.robot.supervisor.fault, FAULT_STALL);
+}
+
 // --- Tick ------------------------------------------------------------------------------------------
 
 static void omega_to_the_right_drives_the_left_wheel_harder(void **state)
@@ -519,6 +923,33 @@ int main(void)
         cmocka_unit_test_setup(a_refused_drive_changes_nothing, driving),
         cmocka_unit_test_setup(after_a_stop_driving_begins_as_if_for_the_first_time, session),
         cmocka_unit_test_setup(a_repeated_drive_is_not_obeyed_twice, session),
+        cmocka_unit_test_setup(before_any_request_there_is_none, session),
+        cmocka_unit_test_setup(a_move_runs_and_is_told_to_run, moving),
+        cmocka_unit_test_setup(a_turn_to_the_right_drives_the_left_wheel_forward_and_the_right_one_back, session),
+        cmocka_unit_test_setup(a_move_of_nothing_is_done_when_the_wheels_stand, session),
+        cmocka_unit_test_setup(a_repeated_request_is_not_done_again_and_not_complained_of, moving),
+        cmocka_unit_test_setup(an_older_request_and_one_for_another_start_are_refused_and_leave_no_trace, moving),
+        cmocka_unit_test_setup(without_a_session_nothing_is_taken, start),
+        cmocka_unit_test_setup(a_move_is_refused_with_its_reason_and_its_number_is_spent, session),
+        cmocka_unit_test_setup(a_second_move_is_refused_and_the_first_goes_on_untold, moving),
+        cmocka_unit_test_setup(a_move_brakes_at_its_deadline_and_goes_on_when_kept_alive, moving),
+        cmocka_unit_test_setup(a_move_without_keep_alive_ends_in_link_lost, moving),
+        cmocka_unit_test_setup(a_keep_alive_that_came_too_late_is_refused, moving),
+        cmocka_unit_test_setup(a_keep_alive_when_nothing_moves_is_nothing, session),
+        cmocka_unit_test_setup(what_ends_a_move_is_told, moving),
+        cmocka_unit_test_setup(stop_may_let_the_wheels_roll, driving),
+        cmocka_unit_test_setup(a_parameter_is_told_when_asked_for, session),
+        cmocka_unit_test_setup(a_parameter_written_is_told_and_takes_effect_at_once, session),
+        cmocka_unit_test_setup(a_repeated_write_is_answered_and_not_done_again, session),
+        cmocka_unit_test_setup(a_write_out_of_range_changes_nothing, session),
+        cmocka_unit_test_setup(while_driving_or_moving_no_parameter_changes, driving),
+        cmocka_unit_test_setup(a_parameter_may_change_in_a_fault_once_the_wheels_stand, session),
+        cmocka_unit_test_setup(saved_parameters_are_there_after_a_restart, session),
+        cmocka_unit_test_setup(what_the_eeprom_does_not_keep_is_told, session),
+        cmocka_unit_test_setup(without_a_save_a_restart_forgets, session),
+        cmocka_unit_test_setup(a_start_after_a_hang_waits_for_clear, start),
+        cmocka_unit_test_setup(a_late_tick_is_a_fault, driving),
+        cmocka_unit_test_setup(wheels_that_do_not_turn_are_a_stall, session),
         cmocka_unit_test_setup(omega_to_the_right_drives_the_left_wheel_harder, session),
         cmocka_unit_test_setup(the_start_is_a_ramp, session),
         cmocka_unit_test_setup(silence_turns_the_motors_off_by_200_ms, session),
