@@ -366,7 +366,9 @@ def as_dict(result: Calibration) -> dict[str, Any]:
     def bench(found: Benchmark | None) -> dict[str, Any] | None:
         if found is None:
             return None
-        return asdict(found) | {"systematic_mm": found.systematic_mm, "sigma_mm": found.sigma_mm}
+        scatter = {"scatter_mm": found.scatter_mm, "sigma_mm": found.sigma_mm}
+        known = {name: value if math.isfinite(value) else None for name, value in scatter.items()}
+        return asdict(found) | {"systematic_mm": found.systematic_mm} | known
 
     return {
         "parameters_before": {param.name: value for param, value in result.parameters_before.items()},
@@ -435,14 +437,15 @@ def sentences(result: Calibration, options: WheelsOptions) -> list[str]:
     before, after, found = result.before, result.after, result.ratios
     sizes, sigmas = result.sizes, result.sigmas
     assert before and after and found and sizes and sigmas
+    gain = before.systematic_mm / max(after.systematic_mm, 1e-9)
     counts_per_m = 2e6 / (sizes.um_left + sizes.um_right)
     lines = [
         f"{counts_per_m:.2f} counts per metre (± {counts_per_m * sigmas.um_left / sizes.um_left:.2f}), track "
         f"{sizes.track_um / 1000:.1f} mm (± {sigmas.track_um / 1000:.1f}).",
         f"UMBmark: right wheel over left {found.diameters:.5f}, track over nominal {found.wheelbase:.5f}.",
         f"Systematic error of {options.side_mm / 1000:g} m squares, {after.runs} each way: "
-        f"{before.systematic_mm:.0f} mm with the old parameters, {after.systematic_mm:.0f} mm with the new "
-        f"({before.systematic_mm / max(after.systematic_mm, 1e-9):.0f} times less).",
+        f"{before.systematic_mm:.0f} mm with the old parameters, {after.systematic_mm:.0f} mm with the new: "
+        + (f"{gain:.0f} times less." if gain >= 1.5 else "the old ones were right."),
     ]
     if math.isfinite(after.scatter_mm):
         lines.append(
