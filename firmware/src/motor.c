@@ -28,7 +28,7 @@ void motor_init(struct motor *motor, const struct motor_gains *gains)
 {
     uint32_t velocity = gains->velocity_q8 > 0 ? (uint32_t)gains->velocity_q8 : 1u;
     uint32_t limit_q4 = at_most((uint32_t)gains->integral_limit * 256u / velocity, WHEEL_SPEED_Q4);
-    uint32_t learn_q8 = (uint32_t)gains->integral_q12 * (INTEGRAL_TICKS * 16u) / velocity;
+    uint32_t learn_q8 = (uint32_t)gains->integral_q12 * (uint32_t)(INTEGRAL_TICKS * 16u) / velocity;
     *motor = (struct motor){
         .static_duty = gains->static_duty,
         .velocity_q8 = gains->velocity_q8,
@@ -111,7 +111,7 @@ int16_t motor_update(struct motor *motor, int16_t setpoint_q4, uint16_t battery_
     int32_t speed = within(told - motor->wheel.drift_q12 / 256, SPEED_MOST_Q4);
     if (speed * direction < 0)
         speed = 0;
-    int32_t duty = motor->velocity_q8 * speed / 256 + direction * motor->static_duty;
+    int32_t duty = motor->velocity_q8 * speed / 256 + (int32_t)(direction * motor->static_duty);
     duty = within(duty, 2 * (int32_t)MOTOR_DUTY_FULL) * motor->compensation_q12 / 4096;
     motor->wheel.full = duty > motor->duty_limit || duty < -motor->duty_limit;
     motor->wheel.hard = speed * direction >= motor->hard_q4;

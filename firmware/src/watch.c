@@ -30,7 +30,7 @@
 #define STANDING_Q4 (40 * 16)
 #define STANDING_TICKS 20u
 
-#define TURN_Q4 (30 * 16) // less of a difference is no turn
+#define TURN_Q4 INT32_C(480) // less of a difference is no turn
 #define TURN_TOLD MM(20)
 #define TURN_UM 20000
 #define UNLIKE_DIVISOR 8 // of both wheels' ways: they do not go alike
