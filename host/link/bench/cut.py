@@ -25,8 +25,10 @@ BRAKING_MS = 200.0  # the promise, from the last command obeyed
 STANDING_MS = 400.0
 WATCH_S = 0.9  # after the line's death
 STEP_S = 0.001
+DRIVING_STEP_S = 0.003
 TELEMETRY_MS = 10.0  # on a real robot, what telemetry shows may be older by so much
 STILL_CM_S = 1.0  # slower is standing: two counts a second
+CREEP_S = 0.1  # where only counts are seen: one that comes so long after the last is rolled out, not driven
 
 
 @dataclass(frozen=True)
@@ -143,6 +145,7 @@ class _Truth:
         self.latest: Telemetry | None = None
         self._target, self._robot, self._signs = target, robot, signs
         self._counts: tuple[int, int] | None = None
+        self._changed_s = -math.inf
 
     def sample(self) -> None:
         """From the simulator, every millisecond."""
@@ -158,10 +161,13 @@ class _Truth:
         if self._target.rolling is not None:
             return
         counts = (report.count_left, report.count_right)
-        moves = self._counts is not None and counts != self._counts
+        t_s = self._robot.host_time_s(report.mcu_time_us)
+        changed = self._counts is not None and counts != self._counts
+        moves = changed and t_s - self._changed_s < CREEP_S
+        self._changed_s = t_s if changed or self._counts is None else self._changed_s
         self._counts = counts
         push = self._push((report.duty_left_permille, report.duty_right_permille))
-        self.moments.append(_Moment(self._robot.host_time_s(report.mcu_time_us), push, moves))
+        self.moments.append(_Moment(t_s, push, moves))
 
     def times_ms(self, since_s: float) -> tuple[float, float]:
         """Until it brakes and until it stands, for good; infinite if it does not."""
@@ -202,7 +208,7 @@ def _try(options: CutOptions, way: Way, seed: int, tries: Tries) -> None:
             robot.drive(v, omega)
             begin_s = target.clock.now_s()
             while target.clock.now_s() < min(until_s, begin_s + EVERY_S):
-                target.wait_s(STEP_S)
+                target.wait_s(DRIVING_STEP_S)
                 robot.poll()
         latest = robot.latest
         assert latest is not None and recorder.drive is not None
@@ -252,7 +258,7 @@ def _die(
         way.at_once(dying)
     while (dead_s := target.clock.now_s() - begin_s) < WATCH_S:
         if target.clock.now_s() >= stepped_s:
-            stepped_s += EVERY_S
+            stepped_s = target.clock.now_s() + EVERY_S
             way.step(dying, dead_s)
         target.wait_s(STEP_S)
         target.near.read()

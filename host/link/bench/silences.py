@@ -190,6 +190,7 @@ class Recorder:
         self.recent: list[bytes] = []
         self.heard = b""
         self.sent_s: dict[int, float] = {}  # of each DRIVE, by its sequence number
+        self._deadlines: dict[int, int] = {}
 
     def see(self, frame: Frame) -> None:
         """Take note of a frame."""
@@ -198,4 +199,6 @@ class Recorder:
         elif isinstance(frame.message, Drive) and frame.seq is not None:
             self.drive, self.drive_seq = frame.message, frame.seq
             self.recent = [*self.recent[-49:], b"\0" + frame.coded + b"\0"]
-            self.sent_s[frame.seq] = frame.t_s
+            if self._deadlines.get(frame.seq) != frame.message.expires_us:  # else the same one again
+                self.sent_s[frame.seq] = frame.t_s
+            self._deadlines[frame.seq] = frame.message.expires_us

@@ -56,7 +56,7 @@ class Witness:
         self._nonce: int | None = None
         self._nonces: set[int] = set()
         self._cause: tuple[int, str] | None = None
-        self._fault = 0
+        self._fault: int | None = None  # not known yet
         self._pings: dict[int, float] = {}
         self._answers, self._every = 0, 1
         self._first_mcu_us: int | None = None
@@ -83,7 +83,9 @@ class Witness:
             return
         evidence.bits_to_host += 8 * (len(frame.coded) + 1)
         self.host["lost"] += frame.lost
-        if frame.error is not None:
+        if (
+            frame.error is not None and self.host["frames"]
+        ):  # before the first, the port was opened within one
             self.host[frame.error] += 1
         if frame.message is None:
             return
@@ -141,7 +143,7 @@ class Witness:
             self._run_us += (message.mcu_time_us - self._mcu_us) & 0xFFFF_FFFF
             self._due += 1
         self._mcu_us = message.mcu_time_us
-        if message.fault != self._fault and message.fault:
+        if self._fault is not None and message.fault != self._fault and message.fault:
             name = message.fault.name.lower().replace("_", " ")
             evidence.faults[name] = evidence.faults.get(name, 0) + 1
         self._fault = message.fault

@@ -172,3 +172,17 @@ def test_the_witness_counts_each_fault_once_for_each_time_it_is_latched() -> Non
     stall, none = RobotFault.STALL, RobotFault.NONE
     told = [telemetry(k, fault=fault) for k, fault in enumerate((none, stall, stall, none, stall))]
     assert heard(*((0.01 * k, one) for k, one in enumerate(told))).evidence().faults == {"stall": 2}
+
+
+def test_the_witness_blames_nobody_for_the_frame_within_which_the_port_was_opened() -> None:
+    witness, reader = Witness(), FrameReader(to_host=True)
+    cut_short = encode(telemetry(10), 4)[7:]
+    for frame in reader.feed(0.0, cut_short + encode(telemetry(20), 5) + cut_short):
+        witness.see(frame)
+    assert witness.host["frames"] == 1
+    assert witness.host["crc"] + witness.host["framing"] == 1  # the later one
+
+
+def test_the_witness_takes_a_fault_that_was_there_before_for_no_new_one() -> None:
+    told = [telemetry(k, fault=RobotFault.LINK_LOST) for k in range(3)]
+    assert heard(*((0.01 * k, one) for k, one in enumerate(told))).evidence().faults == {}
