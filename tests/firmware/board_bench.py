@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from host.link.protocol import (
@@ -17,6 +18,8 @@ from host.link.protocol import (
     encode,
 )
 from host.sim.board import Board, Side
+
+MakeBoard = Callable[..., Board]  # of seed and EEPROM, of either kind
 
 MM_PER_COUNT = 5.0
 COAST_LAG_S = 0.5

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from board_bench import MakeBoard
 from firmware_in_c import FirmwareInC
 
 from host.sim.avr.board import AvrBoard
@@ -23,7 +24,6 @@ import build_rig  # noqa: E402
 sys.path.insert(0, str(ROOT / "tools/pio_offline"))
 import make_core  # noqa: E402
 
-MakeBoard = Callable[..., Board]
 RunPio = Callable[..., "subprocess.CompletedProcess[str]"]
 
 
@@ -64,6 +64,19 @@ def _need(wanted: dict[str, Path]) -> None:
 def firmware(tmp_path_factory: pytest.TempPathFactory) -> FirmwareInC:
     """The firmware's parts, compiled once."""
     return FirmwareInC(tmp_path_factory.mktemp("firmware_in_c"))
+
+
+@pytest.fixture(scope="session")
+def cmocka() -> None:
+    """Skips where the C test framework is missing, except in CI, where that is a failure."""
+    headers = ("stdarg", "stddef", "stdint", "setjmp", "cmocka")
+    program = "".join(f"#include <{header}.h>\n" for header in headers)
+    look = [os.environ.get("CC", "cc"), "-E", "-x", "c", "-", "-o", os.devnull]
+    if subprocess.run(look, input=program, capture_output=True, text=True).returncode:
+        why = "the C test framework cmocka is missing: sudo apt-get install libcmocka-dev"
+        if os.environ.get("CI", "").lower() in ("1", "true"):
+            pytest.fail(why, pytrace=False)
+        pytest.skip(why)
 
 
 @pytest.fixture(scope="session")

@@ -5,11 +5,10 @@ What takes `bench` or `make_board` runs twice: compiled for this machine, and as
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from itertools import pairwise
 
 import pytest
-from board_bench import FORWARD_PINS, Bench, Wheel
+from board_bench import FORWARD_PINS, Bench, MakeBoard, Wheel
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -38,9 +37,6 @@ from host.sim.board import Board, Line, Side
 
 BYTE_US = 40
 OFF = (0.0, 0.0)
-
-
-MakeBoard = Callable[..., Board]
 
 
 @pytest.fixture

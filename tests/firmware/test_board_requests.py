@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from board_bench import Bench
-from conftest import MakeBoard
+from board_bench import Bench, MakeBoard
 
 from host.link.parameters import PARAMETERS, Param
 from host.link.protocol import (

@@ -11,10 +11,9 @@ from __future__ import annotations
 
 import os
 import random
-from collections.abc import Callable
 
 import pytest
-from board_bench import Bench, Wheel
+from board_bench import Bench, MakeBoard, Wheel
 from line_faults import BYTE_US, FAULTS, Lost
 
 from host.link.protocol import KeepAlive, Move, State
@@ -58,7 +57,7 @@ def seeds_for(name: str, real: bool) -> list[int]:
 
 
 @pytest.mark.parametrize("name", FAULTS)
-def test_the_robot_brakes_by_200_ms_and_stands_by_400_ms(make_board: Callable[..., Board], name: str) -> None:
+def test_the_robot_brakes_by_200_ms_and_stands_by_400_ms(make_board: MakeBoard, name: str) -> None:
     worst_brake_us = worst_stand_us = 0
     for seed in seeds_for(name, real=make_board is not Board):
         rng = random.Random(f"{name} {seed}")

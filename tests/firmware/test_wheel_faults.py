@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import pytest
-from board_bench import Bench, Wheel
+from board_bench import Bench, MakeBoard, Wheel
 
 from host.link.protocol import Fault, State
 from host.sim.board import Board, Side
 
 OFF = (0.0, 0.0)
-MakeBoard = Callable[..., Board]
 
 
 @dataclass
