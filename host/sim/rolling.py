@@ -139,7 +139,7 @@ class RollingRobot:
         eeprom: bytes = b"",
     ) -> None:
         make_board = cast(type[Board], AvrBoard) if avr else Board  # alike in all that is used here
-        self.board = make_board(seed, eeprom=eeprom) if eeprom else make_board(seed)
+        self.board = make_board(seed, eeprom=eeprom)
         self.model = model or BodyModel()
         self.body = Body(world or endless_floor(seed), self.board, self.model, seed)
         self.clock = SimulatedClock(lambda: self.board.time_us, self.advance_to)

@@ -8,7 +8,7 @@ Prints the port's path and serves until Ctrl-C. Like a real robot's UART it does
 
 from __future__ import annotations
 
-from host.errors import UsageError, begin_command, run_command
+from host.errors import InputError, UsageError, begin_command, run_command
 
 if __name__ == "__main__":
     begin_command()
@@ -30,10 +30,12 @@ from typing import TYPE_CHECKING, Annotated
 from tyro.conf import Positional, arg
 
 from host.config import read_options
+from host.record.atomic import check_writable, write_whole
 
 if TYPE_CHECKING:  # so that --help need not wait for OpenCV
     from host.sim.rolling import RollingRobot
 
+EEPROM_BYTES = 1024  # of an ATmega328P
 PACE_S = 0.001  # between two looks at the line when nothing comes
 LATE_S = 0.05  # behind by more is lost time, which is not made up for
 REPORT_S = 5.0  # between two complaints that the machine is too slow
@@ -46,6 +48,7 @@ class ServeOptions:
     robot: Positional[Annotated[str, arg(metavar="ROBOT")]] = "sim:"  # sim: or avr:, as in sim:?seed=3
     link: Path | None = None  # make a symbolic link to the port here, removed at the end
     world: str | None = None  # what it may bump into, such as sim:room?seed=1; else an endless floor
+    eeprom: Path | None = None  # keep the robot's EEPROM, and with it its parameters, in this file
     seconds: float | None = None  # serve no longer than this
 
     def __post_init__(self) -> None:
@@ -151,7 +154,9 @@ def serve(robot: RollingRobot, port: Port, seconds: float | None, say: Callable[
         now_s = time.monotonic()
         if pacer.lost_s > told_s and now_s - said_s > REPORT_S:
             share = 100 * (pacer.lost_s - told_s) / (now_s - said_s)
-            say(f"this machine is too slow: for {now_s - said_s:.0f} s the robot's time ran {share:.0f} % slow")
+            say(
+                f"this machine is too slow: for {now_s - said_s:.0f} s the robot's time ran {share:.0f} % slow"
+            )
             told_s, said_s = pacer.lost_s, now_s
     if pacer.lost_s:
         say(f"{pacer.lost_s:.2f} s of real time were lost, at most {pacer.worst_s:.2f} s at once")
@@ -164,7 +169,7 @@ def run(options: ServeOptions) -> None:
 
     signal.signal(signal.SIGHUP, signal.default_int_handler)  # a closed terminal ends it as Ctrl-C does
     world = None if options.world is None else world_from_uri(options.world)
-    robot = open_rolling(options.robot, world)
+    robot = open_rolling(options.robot, world, read_eeprom(options.eeprom))
     port = Port()
     try:
         with symbolic_link(options.link, port.path):
@@ -176,6 +181,32 @@ def run(options: ServeOptions) -> None:
         raise
     finally:
         port.close()
+        if options.eeprom is not None:
+            write_whole(options.eeprom, robot.board.eeprom)
+
+
+def read_eeprom(path: Path | None) -> bytes:
+    """What was kept last time; nothing where there is no file yet.
+
+    Raises
+    ------
+    InputError, UsageError
+        The file cannot be an EEPROM, or none can be written there.
+    """
+    if path is None:
+        return b""
+    check_writable(path, folder=False)
+    if not path.exists():
+        return b""
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+    if len(content) != EEPROM_BYTES:
+        raise InputError(
+            f"{path}: is no EEPROM of {EEPROM_BYTES} bytes, and would be overwritten; name another"
+        )
+    return content
 
 
 def main() -> None:

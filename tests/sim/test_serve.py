@@ -13,6 +13,7 @@ import pytest
 
 from host.errors import UsageError
 from host.link.clock import SystemClock
+from host.link.parameters import Param
 from host.link.robot import Robot
 from host.link.serial_port import SerialPort
 from host.sim.serve import LATE_S, Pacer, symbolic_link
@@ -136,6 +137,30 @@ def test_a_link_where_none_can_be_is_refused(tmp_path: Path) -> None:
         symbolic_link(tmp_path / "no/such/folder/robot", "/dev/null"),
     ):
         pass
+
+
+def test_parameters_saved_are_there_when_it_is_served_again(tmp_path: Path) -> None:
+    kept, link = tmp_path / "eeprom.bin", tmp_path / "robot"
+    values = []
+    for _ in range(2):
+        arguments = ["sim:", "--link", str(link), "--eeprom", str(kept)]
+        with subprocess.Popen([*SERVE, *arguments], stdout=subprocess.PIPE, text=True) as server:
+            assert server.stdout is not None and server.stdout.readline()
+            with Robot(SerialPort(str(link)), SystemClock()) as robot:
+                robot.connect()
+                values.append(robot.read_param(Param.TRACK_UM))
+                robot.write_param(Param.TRACK_UM, 151_234)
+                robot.save_params()
+            server.terminate()
+    assert values == [150_000, 151_234]
+
+
+def test_a_file_that_is_no_eeprom_is_not_overwritten(tmp_path: Path) -> None:
+    path = tmp_path / "thesis.txt"
+    path.write_text("precious")
+    done = subprocess.run([*SERVE, "sim:", "--eeprom", str(path)], capture_output=True, text=True, timeout=30)
+    assert done.returncode == 3 and "is no EEPROM of 1024 bytes" in done.stderr
+    assert path.read_text() == "precious"
 
 
 @pytest.mark.parametrize(
