@@ -154,9 +154,8 @@ def serve(robot: RollingRobot, port: Port, seconds: float | None, say: Callable[
         now_s = time.monotonic()
         if pacer.lost_s > told_s and now_s - said_s > REPORT_S:
             share = 100 * (pacer.lost_s - told_s) / (now_s - said_s)
-            say(
-                f"this machine is too slow: for {now_s - said_s:.0f} s the robot's time ran {share:.0f} % slow"
-            )
+            for_s = now_s - said_s
+            say(f"this machine is too slow: for {for_s:.0f} s the robot's time ran {share:.1f} % slow")
             told_s, said_s = pacer.lost_s, now_s
     if pacer.lost_s:
         say(f"{pacer.lost_s:.2f} s of real time were lost, at most {pacer.worst_s:.2f} s at once")
