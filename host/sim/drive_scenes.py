@@ -129,10 +129,13 @@ def clutter(seed: int = 0) -> World:
     rng = np.random.default_rng((0xC1077E4, seed))
     width, length = rng.uniform(280, 360), rng.uniform(380, 470)
     left, back = -width * rng.uniform(0.4, 0.6), -rng.uniform(50, 80)
-    walls = [_wall(rng, colour) for colour in rng.permutation(len(WALL_COLOURS))[:4]]
+    left_wall, right_wall, back_wall, front_wall = (
+        _wall(rng, colour) for colour in rng.permutation(len(WALL_COLOURS))[:4]
+    )
     shell = Room(
         left, left + width, back, back + length, 250.0,
-        _floor(rng), *walls, CEILING,
+        floor=_floor(rng), left_wall=left_wall, right_wall=right_wall, back_wall=back_wall,
+        front_wall=front_wall, ceiling=CEILING,
         lamp_cm=(left + width * rng.uniform(0.3, 0.7), 230.0, back + length * rng.uniform(0.25, 0.6)),
     )  # fmt: skip
     world = World("clutter", shell, (), CAMERA_HEIGHT_CM, LENS, _goal(rng, shell), seed)
@@ -140,7 +143,7 @@ def clutter(seed: int = 0) -> World:
     for group in range(groups):
         x, z = rng.uniform(shell.left_cm + 20, shell.right_cm - 20), rng.uniform(50, shell.front_cm - 20)
         for member in range(int(rng.integers(1, 4))):
-            rgb = _like(rng, walls[3].rgb) if rng.random() < 0.15 else _any_colour(rng)
+            rgb = _like(rng, front_wall.rgb) if rng.random() < 0.15 else _any_colour(rng)
             for _ in range(20):
                 near = rng.normal(0.0, 22.0, 2) if member else (0.0, 0.0)
                 thing = _thing(rng, f"{group}_{member}", x + near[0], z + near[1], rgb)
