@@ -91,7 +91,7 @@ static bool keeps_pace(const struct watch_side *side, uint16_t told_q4, uint16_t
     uint32_t needed = side->static_duty + ((uint32_t)side->velocity_q8 * told_q4 >> 8);
     bool steady = side->turned >= PACED_COUNTS && side->pace_q4 >= told_q4 - told_q4 / 5u
                && side->pace_q4 <= told_q4 + told_q4 / 4u;
-    return steady && told_q4 >= ORDINARY_Q4 && duty >= needed / 4u * 3u
+    return steady && told_q4 >= ORDINARY_Q4 && duty >= needed / 8u * 5u
         && duty >= side->lately_duty - side->lately_duty / 8u;
 }
 
