@@ -21,7 +21,7 @@
 
 #include "encoder.h" // counts and edges
 
-#define WHEEL_DRIFT_Q4 400    // 25 mm/s
+#define WHEEL_DRIFT_Q4 360    // 22.5 mm/s
 #define WHEEL_STUCK_TICKS 10  // held at an edge that does not come for so long: something holds the wheel
 #define WHEEL_SPEED_Q4 32000  // 2 m/s, the fastest it is taken to be
 

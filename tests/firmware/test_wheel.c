@@ -341,8 +341,8 @@ static void start_from_rest(double began, int direction, double faster)
     for (int i = 0; i < 70; i++) {
         told += told < 300 ? 5 : 0;
         rig.wheel.told_q4 = (int16_t)(direction * told * 16);
-        double aim = told - 25 + faster > 0 ? told - 25 + faster : 0; // what was taken off for the drift
-        double drift = rig.wheel.drift_q12 / 4096.0 * direction - 25;
+        double lead = WHEEL_DRIFT_Q4 / 16.0; // what was taken off for the drift
+        double drift = rig.wheel.drift_q12 / 4096.0 * direction - lead, aim = told - lead + faster;
         aim = aim - drift > 0 ? aim - drift : 0;
         tick((direction * aim - rig.speed) * 5 / 60);
     }
