@@ -17,8 +17,8 @@ from host.link.protocol import (
     Telemetry,
 )
 
-RTTS_MAX = 2000
-UNANSWERED_MAX = 1000
+RTTS_MAX = 1000
+UNANSWERED_MAX = 64
 
 
 @dataclass
