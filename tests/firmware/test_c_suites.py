@@ -27,19 +27,6 @@ def _compile(*arguments: str | Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def cmocka() -> None:
-    """Skips where the C test framework is missing, except in CI, where that is a failure."""
-    headers = ("stdarg", "stddef", "stdint", "setjmp", "cmocka")
-    program = "".join(f"#include <{header}.h>\n" for header in headers)
-    look = [COMPILER, "-E", "-x", "c", "-", "-o", os.devnull]
-    if subprocess.run(look, input=program, capture_output=True, text=True).returncode:
-        why = "the C test framework cmocka is missing: sudo apt-get install libcmocka-dev"
-        if os.environ.get("CI", "").lower() in ("1", "true"):
-            pytest.fail(why, pytrace=False)
-        pytest.skip(why)
-
-
-@pytest.fixture(scope="module")
 def objects(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     """The firmware and what it is tested on, compiled once."""
     folder = tmp_path_factory.mktemp("firmware")
