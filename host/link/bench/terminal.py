@@ -24,7 +24,9 @@ def cell_text(cell: Cell) -> str:
     if not math.isfinite(cell):
         return "–"
     size = abs(cell)
-    if 1e-9 < size < 0.01:
+    if size < 1e-9:
+        return "0.00"
+    if size < 0.01:
         return f"{cell:.1e}"
     return f"{cell:,.0f}" if size >= 1000 else f"{cell:.1f}" if size >= 10 else f"{cell:.2f}"
 

