@@ -14,6 +14,7 @@ namespace depth {
 
 namespace {
 
+constexpr int REMEMBERED_FRAMES = 60;   // that a region may be away
 constexpr double GATES_PX[] = {5.0, 3.5, 2.5, 2.5, 2.0, 1.5};  // residuals beyond are not used; shrinks as the fit settles
 // Every second round solves the cameras too, the last one among them.
 constexpr std::size_t SETTLED_FROM = 2;  // the round where depths known from before begin
@@ -148,6 +149,7 @@ std::vector<OutlineAnswer> OutlineMethod::answers(const FrameView& frame, Path& 
         }
         state[r].rho = std::max(start[r].rho, 1e-6);
     }
+    std::erase_if(whole_, [&](const auto& w) { return present - w.second.frame > REMEMBERED_FRAMES; });
     if (clarity_.size() > 4 * n + 64) std::erase_if(clarity_, [&](const auto& c) { return present - c.second.frame > 60; });
 
     // depths and cameras together
@@ -208,7 +210,7 @@ std::vector<OutlineAnswer> OutlineMethod::answers(const FrameView& frame, Path& 
         }
         shapes[r].baseline_cm = std::sqrt(std::max(baseline, 1e-18));
         shapes[r].travel_sigma = std::sqrt(unsolved);
-        out.push_back(answer(frame.regions[r], fits[r], start[r], shapes[r]));
+        out.push_back(answer(frame.regions[r], fits[r], start[r], shapes[r], present));
     }
     find_corners(frame, fit, settings, fits, out, middle);
     return out;
@@ -246,7 +248,7 @@ void OutlineMethod::find_corners(const FrameView& frame, const JointFit& fit, co
 
 
 OutlineAnswer OutlineMethod::answer(const RegionView& region, const RegionFit& fit, const Start& start,
-                                    const Shape& shape) const {
+                                    const Shape& shape, int present) {
     OutlineAnswer out;
     const auto no = [&](std::string why) {
         out.surface = decline(std::move(why));
@@ -274,7 +276,8 @@ OutlineAnswer OutlineMethod::answer(const RegionView& region, const RegionFit& f
     const double det = (v[4] * v[8] - v[5] * v[5]) * doubt;
     const double chi2 = det > 0 ? (square(slope.x) * v[8] - 2 * slope.x * slope.y * v[5] + square(slope.y) * v[4]) / det : 0;
     const double slant = length(slope) * camera_.focal() / fit.tilted.rho;
-    out.slanted = cut ? chi2 > CUT_CHI2
+    // what was seen whole and level does not slant because the border cuts it
+    out.slanted = cut ? chi2 > CUT_CHI2 && !whole_.contains(region.id)
                       : chi2 > FACE_CHI2 && slant > FACE_SLANT && may_be_one_face(region.loops.front());
     const double width = std::sqrt(std::max(region.area_px, 1.0)) / camera_.focal();  // w / Z
     double noise, model = square(config_.model_share);
@@ -288,11 +291,17 @@ OutlineAnswer OutlineMethod::answer(const RegionView& region, const RegionFit& f
         // it might be no plane after all
         model += square(0.5 * (1 - fit.level.rho / rho)) + square(0.03 * width);
     } else {
-        const Relief relief = relief_of(region.loops.front(), cut);
         out.silhouette_cm = 1 / fit.level.rho;
-        out.surface.depth_cm = out.silhouette_cm * (1 - relief.k * width);
+        const Relief relief = relief_of(region.loops.front(), cut);
+        Whole whole{present, relief.k * width * out.silhouette_cm, relief.sigma_k * width * out.silhouette_cm};
+        if (!cut) whole_[region.id] = whole;
+        else if (const auto it = whole_.find(region.id); it != whole_.end()) {
+            whole = it->second;
+            it->second.frame = present;
+        }
+        out.surface.depth_cm = out.silhouette_cm - whole.offset_cm;
         noise = fit.level_variance / square(fit.level.rho);
-        model += square(relief.sigma_k * width);
+        model += square(whole.sigma_cm / out.silhouette_cm);
     }
     const double lost = LOST_SHARE * (1 - fit.found);
     // what is cut goes on beyond the outline that shows its depth

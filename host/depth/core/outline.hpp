@@ -75,6 +75,10 @@ class OutlineMethod {
         double reach_cm;  // the longest way to an earlier frame then
         double contrast, rival;
     };
+    struct Whole {  // by how much a region's surface stood before its outline when last seen whole
+        int frame;
+        double offset_cm, sigma_cm;
+    };
     struct Shape;
 
     std::vector<OutlineAnswer> answers(const FrameView& frame, Path& path, int present, EgoMotion& ego,
@@ -82,14 +86,15 @@ class OutlineMethod {
     void find_corners(const FrameView& frame, const JointFit& fit, const FitSettings& settings,
                       const std::vector<RegionFit>& fits, const std::vector<OutlineAnswer>& answers,
                       const std::vector<Vec2>& middle);
-    OutlineAnswer answer(const RegionView& region, const RegionFit& fit, const Start& start,
-                         const Shape& shape) const;
+    OutlineAnswer answer(const RegionView& region, const RegionFit& fit, const Start& start, const Shape& shape,
+                         int present);
 
     Camera camera_;
     OutlineConfig config_;
     std::vector<Keyframe> keyframes_;  // oldest first
     std::vector<Corner> corners_;
     std::map<std::int64_t, Clarity> clarity_;
+    std::map<std::int64_t, Whole> whole_;
 };
 
 }  // namespace depth
