@@ -38,9 +38,9 @@ uint16_t hal_uart_lost(struct hal *hal);
 uint16_t hal_battery_mv(struct hal *hal); // 0: cannot be measured
 bool hal_estop_pressed(struct hal *hal);
 
-// The EEPROM, 1024 bytes, erased to 0xFF. A write takes milliseconds, during which it is busy; nobody waits: a
-// write or read is asked for only when it is not busy, save that a read at start may have to wait for a write
-// begun before the reset.
+// The EEPROM, 1024 bytes, erased to 0xFF. A write takes milliseconds, during which it is busy; nobody waits:
+// a write or read is asked for only when it is not busy, save that a read at start may have to wait for a
+// write begun before the reset.
 bool hal_eeprom_busy(struct hal *hal);
 uint8_t hal_eeprom_read(struct hal *hal, uint16_t address);
 void hal_eeprom_write(struct hal *hal, uint16_t address, uint8_t byte);

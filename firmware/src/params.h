@@ -1,7 +1,7 @@
 // What may differ between two robots: the parameters of messages.h, kept in EEPROM.
 //
-// Two slots hold a whole set each; a save goes to the one that does not hold the newest set, so the newest stays
-// until the next is complete. A slot:
+// Two slots hold a whole set each; a save goes to the one that does not hold the newest set, so the newest
+// stays until the next is complete. A slot:
 //
 //    0   u32   PARAMS_VERSION: which list of parameters this is
 //    4   u32   generation, one more than that of the set before; wraps
@@ -9,13 +9,13 @@
 //    ..  u32   CRC-32C of all that
 //    ..  u8    PARAMS_MARK: the slot is whole
 //
-// A save removes the mark first and sets it last, after reading back all the rest. Power may fail at any byte of
-// it, and leave anything in that byte: the next start finds the old set or the new one. A start takes the newest
-// slot that is marked, has the right version and checksum, and holds nothing out of range; without one, defaults.
-// Another list of parameters means defaults too: values are never taken for what they are not.
+// A save removes the mark first and sets it last, after reading back all the rest. Power may fail at any byte
+// of it, and leave anything in that byte: the next start finds the old set or the new one. A start takes the
+// newest slot that is marked, has the right version and checksum, and holds nothing out of range; without
+// one, defaults. Another list of parameters means defaults too: values are never taken for what they are not.
 //
-// Nothing here ever waits for the EEPROM, which takes 3.4 ms a byte: params_tick() writes at most one. Bytes that
-// are right already are not written again.
+// Nothing here ever waits for the EEPROM, which takes 3.4 ms a byte: params_tick() writes at most one. Bytes
+// that are right already are not written again.
 #ifndef PARAMS_H
 #define PARAMS_H
 
@@ -54,8 +54,8 @@ static inline int32_t params_get(const struct params *params, uint8_t param)
     return params->values[param];
 }
 
-// Set a value until the next start; false, and no change, when there is no such parameter or the value is out of
-// its range. Not while saving.
+// Set a value until the next start; false, and no change, when there is no such parameter or the value is out
+// of its range. Not while saving.
 bool params_set(struct params *params, uint8_t param, int32_t value);
 
 // Begin to write all values; params_tick() does it. Not while saving.
@@ -66,7 +66,8 @@ static inline bool params_saving(const struct params *params)
     return params->step != 0;
 }
 
-// Every tick. PARAMS_SAVED and PARAMS_NOT_STORED are told once; after the latter the set before is still there.
+// Every tick. PARAMS_SAVED and PARAMS_NOT_STORED are told once; after the latter the set before is still
+// there.
 uint8_t params_tick(struct params *params);
 
 #endif

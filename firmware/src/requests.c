@@ -1,7 +1,8 @@
 // Requests, done exactly once: which was the last, and what became of it. See requests.h.
 #include "requests.h" // this file's manual
 
-uint8_t requests_take(struct requests *requests, uint8_t message, uint16_t number, uint8_t refusal, bool runs)
+uint8_t requests_take(struct requests *requests, uint8_t message, uint16_t number, uint8_t refusal,
+                      bool runs)
 {
     requests->last = number;
     requests->reason = refusal;

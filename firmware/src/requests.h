@@ -1,8 +1,8 @@
 // Requests, done exactly once: which was the last, and what became of it.
 //
-// A host numbers its requests and repeats each until telemetry shows its number. The number decides: the last one
-// taken again is a repetition, and nothing is done for it; one before it is too old; any other is new, is taken
-// whatever comes of it, and what came of the one before is no longer told.
+// A host numbers its requests and repeats each until telemetry shows its number. The number decides: the last
+// one taken again is a repetition, and nothing is done for it; one before it is too old; any other is new, is
+// taken whatever comes of it, and what came of the one before is no longer told.
 #ifndef REQUESTS_H
 #define REQUESTS_H
 
@@ -31,7 +31,8 @@ static inline uint8_t requests_refusal(const struct requests *requests, uint16_t
 
 // Take a new one: refused when there is a refusal; running until requests_end() when `runs`; else done.
 // Returns the refusal.
-uint8_t requests_take(struct requests *requests, uint8_t message, uint16_t number, uint8_t refusal, bool runs);
+uint8_t requests_take(struct requests *requests, uint8_t message, uint16_t number, uint8_t refusal,
+                      bool runs);
 
 // What ran under this message's id is over. Nothing, if a later request has been taken since.
 void requests_end(struct requests *requests, uint8_t message, uint8_t outcome, uint8_t reason);

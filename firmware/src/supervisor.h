@@ -7,11 +7,11 @@
 //   STOPPED  after STOP the wheels still turn; becomes READY when they stand, or DRIVING by a new DRIVE
 //   FAULT    latched; only CLEAR with this start's nonce leads out, and only once the cause is gone
 //
-// The dead-man needs no switching on: DRIVING and MOVING end in FAULT_LINK_LOST when SUPERVISOR_HOLD_MAX_US pass
-// without a DRIVE, or a KEEP_ALIVE, being obeyed. One may ask for less: motors are then off at its deadline, but
-// the fault still waits for the dead-man, so that one late frame does not end a session. An e-stop is honoured in
-// any state and replaces another fault; otherwise the first cause is kept until CLEAR. A start after a reset by
-// the watchdog begins in FAULT.
+// The dead-man needs no switching on: DRIVING and MOVING end in FAULT_LINK_LOST when SUPERVISOR_HOLD_MAX_US
+// pass without a DRIVE, or a KEEP_ALIVE, being obeyed. One may ask for less: motors are then off at its
+// deadline, but the fault still waits for the dead-man, so that one late frame does not end a session. An
+// e-stop is honoured in any state and replaces another fault; otherwise the first cause is kept until CLEAR.
+// A start after a reset by the watchdog begins in FAULT.
 //
 // All transitions are one table in supervisor.c, first match wins. Times are the robot's clock in
 // microseconds; it may wrap. Refusals are enum refusal of messages.h, 0 meaning obeyed.

@@ -3,8 +3,8 @@
 
 #include "messages.h" // enum fault
 
-// A duty this far beyond what was measured to overcome friction overcomes carpet and slopes too, and a motor of
-// the same kind that is stiffer.
+// A duty this far beyond what was measured to overcome friction overcomes carpet and slopes too, and a motor
+// of the same kind that is stiffer.
 #define SURE_MARGIN 4600 // 14 %
 
 #define MM(mm) ((mm) * UINT32_C(3200)) // as a sum of q4 speeds over ticks
@@ -127,7 +127,7 @@ static void follow(struct watch_side *side, const struct watch_wheel *wheel)
             side->turned++;
         if (counts_beyond(side, wheel, side->furthest) > 0)
             side->furthest = (uint16_t)wheel->count;
-    } else if (counts_beyond(side, wheel, side->mark) < -1) { // rolls on the other way, and must first come back
+    } else if (counts_beyond(side, wheel, side->mark) < -1) { // it rolls the other way, and must come back
         side->mark = (uint16_t)wheel->count;
         get_further(side, wheel);
     } else if (is_driven(wheel)) {
@@ -175,7 +175,8 @@ static bool counts_backward(const struct watch_side *side, const struct watch_wh
     if (!is_driven(wheel))
         return false;
     int32_t back = -(int32_t)counts_beyond(side, wheel, side->furthest);
-    return back > 1 && back * side->um_per_count > REVERSED_UM + (int32_t)side->rolling_q4 * ROLL_OUT_UM_PER_Q4;
+    int32_t rolls_um = (int32_t)side->rolling_q4 * ROLL_OUT_UM_PER_Q4;
+    return back > 1 && back * side->um_per_count > REVERSED_UM + rolls_um;
 }
 
 static bool runs_away(struct watch_side *side, const struct watch_wheel *wheel, bool coasting)
@@ -206,7 +207,7 @@ static bool runs_away(struct watch_side *side, const struct watch_wheel *wheel, 
 
 // --- Both wheels -----------------------------------------------------------------------------------
 
-static int32_t turned_um(const struct watch *watch, const struct watch_wheel wheels[DRIVE_SIDES], uint8_t side)
+static int32_t turned_um(const struct watch *watch, const struct watch_wheel *wheels, uint8_t side)
 {
     return (wheels[side].count - watch->turn_from[side]) * watch->sides[side].um_per_count;
 }

@@ -1,25 +1,26 @@
 // What the wheels were told against what their encoders say.
 //
-//   ENCODER_DEAD      a wheel is driven and its count gets no further, while the other one turns (or is told to
-//                     stand); one channel without the other counts to and fro, which gets no further either
+//   ENCODER_DEAD      a wheel is driven and its count gets no further, while the other one turns (or is told
+//                     to stand); one channel without the other counts to and fro, which gets no further
+//                     either
 //   STALL             no wheel that is driven gets further
-//   ENCODER_REVERSED  a wheel is driven one way and counts the other: its channels, its motor's wires, or the two
-//                     wheels' encoders are swapped
+//   ENCODER_REVERSED  a wheel is driven one way and counts the other: its channels, its motor's wires, or the
+//                     two wheels' encoders are swapped
 //   RUNAWAY           a wheel is far faster than it was told, or keeps turning after its motor was turned off
 //
 // A count is missed by any of three signs:
-//   - the wheel went on steadily at 10 cm/s or more, as told; had it kept its pace, or only that which it was told
-//     since, it would have gone two and a half counts. Edges may come one and a half counts apart;
+//   - the wheel went on steadily at 10 cm/s or more, as told; had it kept its pace, or only that which it was
+//     told since, it would have gone two and a half counts. Edges may come one and a half counts apart;
 //   - its motor has been given what moves any wheel, on carpet and uphill too, for long enough to do it;
 //   - it has been told at 10 cm/s or more to go a way that even a stiff wheel would have begun.
 // A slow wheel, which friction may hold for a second, is missed by the second sign alone.
 //
 // Encoders are all there is to feel with, so some things look alike, and are told as follows:
 //   - one wheel that is blocked while the other turns: ENCODER_DEAD, as if its encoder were;
-//   - both encoders dead, or unplugged: STALL, as if both wheels were blocked. The robot then drives blind for
-//     0.4 s, as long as a doorstep may hold two wheels that will climb it;
-//   - a wheel turned by hand, or by a slope, after it has come to stand or while it coasts: nothing, even if it
-//     is a motor that a broken driver turns on;
+//   - both encoders dead, or unplugged: STALL, as if both wheels were blocked. The robot then drives blind
+//     for 0.4 s, as long as a doorstep may hold two wheels that will climb it;
+//   - a wheel turned by hand, or by a slope, after it has come to stand or while it coasts: nothing, even if
+//     it is a motor that a broken driver turns on;
 //   - swapped encoders on the way straight on: nothing, until the wheels are told to differ, or the loop has
 //     driven them so far apart that one seems dead or runs away.
 #ifndef WATCH_H
@@ -56,7 +57,7 @@ struct watch_side {
     uint16_t mark;        // count, low bits, beyond which it gets further than it was a while ago
     uint32_t told_q4;     // way told since it last did
     uint32_t asked_q4;    // the part of it told at no less than an ordinary speed
-    uint32_t paced_q4;    // way it would have gone since then at the speed it had, or the speed told if that is less
+    uint32_t paced_q4;    // way it would have gone since at the speed it had, or that it was told if less
     uint32_t pushed;      // duty beyond what moves any wheel since then
     uint16_t pace_q4;     // the speed it had then
     uint16_t rolling_q4;  // speed the other way when it was first told to go this way

@@ -86,7 +86,7 @@ class Board:
         self._board.set_encoder_pins(side, bool(a), bool(b), at_us)
 
     def duty(self, side: Side) -> float:
-        """Voltage on one motor as a fraction of the battery's, -1 to 1; 0 shorts it, which brakes, or opens it."""
+        """Voltage on one motor as a fraction of the battery's, -1 to 1; 0 brakes it, unless `coasting`."""
         return self._board.duty(side) / _board.DUTY_FULL
 
     def coasting(self, side: Side) -> bool:
@@ -115,8 +115,8 @@ class Board:
     def hang(self, us: int) -> None:
         """Keep the main loop from running for `us` microseconds from now; interrupts still come.
 
-        Motors keep their duty, ticks are missed, and received bytes beyond 64 are lost and counted. 60 ms after
-        the last tick the watchdog ends it: a reset, which turns the motors off.
+        Motors keep their duty, ticks are missed, and received bytes beyond 64 are lost and counted. 60 ms
+        after the last tick the watchdog ends it: a reset, which turns the motors off.
         """
         self._board.hang(us)
 

@@ -21,7 +21,8 @@ unsigned host_frame(uint8_t *wire, uint8_t id, uint8_t seq, const uint8_t *paylo
     return at;
 }
 
-void host_tell(struct robot *robot, uint32_t now_us, uint8_t id, uint8_t seq, const uint8_t *payload, uint8_t size)
+void host_tell(struct robot *robot, uint32_t now_us, uint8_t id, uint8_t seq, const uint8_t *payload,
+               uint8_t size)
 {
     uint8_t wire[80];
     unsigned length = host_frame(wire, id, seq, payload, size);

@@ -8,6 +8,7 @@
 unsigned host_frame(uint8_t *wire, uint8_t id, uint8_t seq, const uint8_t *payload, uint8_t size);
 
 // Hand the robot one message, all its bytes at this time.
-void host_tell(struct robot *robot, uint32_t now_us, uint8_t id, uint8_t seq, const uint8_t *payload, uint8_t size);
+void host_tell(struct robot *robot, uint32_t now_us, uint8_t id, uint8_t seq, const uint8_t *payload,
+               uint8_t size);
 
 #endif

@@ -1,12 +1,13 @@
-// A robot for C tests that rolls: the whole firmware on hardware of variables, with motors, wheels and encoders that
-// can be unlike each other, hindered, pushed and broken.
+// A robot for C tests that rolls: the whole firmware on hardware of variables, with motors, wheels and
+// encoders that can be unlike each other, hindered, pushed and broken.
 #ifndef ROLLING_ROBOT_H
 #define ROLLING_ROBOT_H
 
 #include "fake_hal.h" // hardware of variables
 #include "robot.h"    // the firmware
 
-// One motor, its wheel and its encoder. Speeds in mm/s; forces in shares of the full duty that would overcome them.
+// One motor, its wheel and its encoder. Speeds in mm/s; forces in shares of the full duty that would overcome
+// them.
 struct rolling_wheel {
     // What it is
     double full_mm_s;    // at full duty and 7.4 V, without friction

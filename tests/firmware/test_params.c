@@ -182,7 +182,7 @@ static void nothing_is_written_outside_the_slots(void **state)
         save();
     }
     for (unsigned at = 0; at < sizeof rig.hal.eeprom; at++) {
-        bool in_slot = at - PARAMS_FIRST_SLOT < PARAMS_SLOT_BYTES || at - PARAMS_SECOND_SLOT < PARAMS_SLOT_BYTES;
+        bool in_slot = at - slots[0] < PARAMS_SLOT_BYTES || at - slots[1] < PARAMS_SLOT_BYTES;
         assert_true(in_slot || rig.hal.eeprom[at] == 0x5A);
     }
 }

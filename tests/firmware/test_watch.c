@@ -35,7 +35,8 @@ static int pick(int count)
     return (int)between(0, count);
 }
 
-// Motors 15 % better or worse, quick or slow, stiff or not; batteries full and empty; encoders with uneven edges.
+// Motors 15 % better or worse, quick or slow, stiff or not; batteries full and empty; encoders with uneven
+// edges.
 static void some_robot(int which)
 {
     chance = UINT64_C(0x9E3779B97F4A7C15) * (uint64_t)(which + 1);
@@ -144,7 +145,8 @@ static void an_encoder_dead_from_the_start_is_missed_soon_after_its_first_count_
         printf("encoder dead from the start, %d mm/s: %u ms after the command\n", v, ms);
         assert_true(ms <= 400);
     }
-    printf("encoder dead from the start, 100 mm/s: %u ms after the command\n", longest_ms(100, true, true, true));
+    unsigned slow_ms = longest_ms(100, true, true, true);
+    printf("encoder dead from the start, 100 mm/s: %u ms after the command\n", slow_ms);
 }
 
 static void a_slow_wheel_is_missed_too(void **state)

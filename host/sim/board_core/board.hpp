@@ -53,7 +53,10 @@ public:
     void set_encoder_pins(uint8_t side, bool a, bool b, int64_t at_us);
     int16_t duty(uint8_t side) const { return hal_.duty[side]; }
     bool coasting(uint8_t side) const { return hal_.coasting[side]; }
-    std::string_view eeprom() const { return {reinterpret_cast<const char *>(hal_.eeprom.data()), hal_.eeprom.size()}; }
+    std::string_view eeprom() const
+    {
+        return {reinterpret_cast<const char *>(hal_.eeprom.data()), hal_.eeprom.size()};
+    }
     void set_battery_mv(uint16_t mv) { hal_.battery_mv = mv; }
     void press_estop(bool pressed) { hal_.estop_pressed = pressed; }
 
