@@ -2,7 +2,7 @@
 #include "move.h" // this file's manual
 
 #define CREEP_Q4 320        // 20 mm/s, slowest of the profile: less is lost in the dead zone of a motor
-#define APPROACH_UM 32      // of way left for every q4 of speed: the last of it takes half a second at most speeds
+#define APPROACH_UM 32      // of way left for every q4 of speed: half of it is left after 0.36 s
 #define LEVEL_UM 32         // that one wheel is ahead of the other, for every q4 of speed taken off it
 #define ROLL_OUT_TICKS 8    // a wheel that is braked rolls as far as it would have gone in these
 #define STILL_TICKS 20      // without any travel: the wheels stand

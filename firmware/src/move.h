@@ -1,8 +1,12 @@
 // A move from standstill to standstill: straight on by a distance, or a turn on the spot by an angle.
 //
-// Both wheels go the same way, forward or back, and each is measured against the same profile: a trapezoid of
-// speed whose braking follows from the way that is left. What one wheel is ahead of the other is taken off its
-// setpoint and added to the other's, which holds the heading of a straight move and the place of a turn.
+// Both wheels go equally far, forward or back. The profile follows from the way that is left, so nothing needs to
+// be caught up with: it speeds up by the ramp, slows down by half of it, and over the last centimetres ever more,
+// since there every count tells where a wheel truly is and what its motor does at so slow a speed. What one wheel
+// is ahead of the other is taken off its setpoint and added to the other's, which holds the heading of a straight
+// move and the place of a turn. Each wheel is braked at its own end, short of it by what it rolls out.
+//
+// A move ends by itself unless a wheel is held; then it goes on pushing, and to notice that is not done here.
 #ifndef MOVE_H
 #define MOVE_H
 
@@ -18,7 +22,7 @@ struct move {
     int16_t step_q4;               // most the speed changes in a tick
     int16_t speed_q4;              // of the profile at the last tick
     int8_t sign[DRIVE_SIDES];      // which way either wheel goes: 1 or -1
-    bool arrived[DRIVE_SIDES];     // that wheel brakes to its end
+    bool arrived[DRIVE_SIDES];     // that wheel is braked: it rolls out to its end
     uint8_t still;                 // ticks since both have arrived and neither has moved
     int32_t last_um[DRIVE_SIDES];  // travel at the last tick
 };
