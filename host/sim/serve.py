@@ -65,7 +65,6 @@ class Port:
         tty.setraw(self._theirs)
         os.set_blocking(self._ours, False)
         self.path = os.ttyname(self._theirs)
-        self.unheard = 0  # bytes that nobody fetched in time
 
     def read(self, wait_s: float) -> bytes:
         """What other programs have sent, waiting at most so long for it."""
@@ -79,7 +78,6 @@ class Port:
                 data = data[os.write(self._ours, data) :]
             except BlockingIOError:
                 termios.tcflush(self._theirs, termios.TCIFLUSH)
-                self.unheard += len(data)
                 return
 
     def close(self) -> None:

@@ -120,7 +120,7 @@ def _flood(target: Target, caller: Caller, load: float, seconds: float, advance:
 
 
 def _listen(target: Target, seconds: float) -> None:
-    """Read on until as much time has passed and the robot has told its counters anew."""
+    """Read on until as much time has passed."""
     begin_s = target.clock.now_s()
     while target.clock.now_s() - begin_s < seconds:
         target.wait_s(STEP_S)

@@ -64,7 +64,6 @@ class Way:
     name: str
     step: Step
     at_once: Callable[[Dying], None] | None = None
-    hears: bool = True  # the way back stays alive, so that the robot's telemetry shows what it does
     simulated: bool = False  # cannot be done from the host's end of a real line
 
 
@@ -72,7 +71,7 @@ def ways() -> list[Way]:
     """All of them."""
     return [
         Way("nothing is sent any more", _nothing),
-        Way("unplugged", _nothing, _unplug, hears=False, simulated=True),
+        Way("unplugged", _nothing, _unplug, simulated=True),
         Way("only the way to the robot is cut", _drives_on, _cut_there),
         Way("half a DRIVE, then nothing", _nothing, _half),
         Way("every DRIVE is cut short", lambda d, t: d.put(_fresh(d, t)[: d.chance.randrange(2, 14)])),

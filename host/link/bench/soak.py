@@ -114,7 +114,6 @@ class _Guard:
     def __init__(self, target: Target, tally: Tally) -> None:
         self._target, self._tally = target, tally
         self._commanded_s = -math.inf  # when a command arrived whole that lets the wheels go on
-        self._fastest_mm_s: list[tuple[float, float]] = [(-math.inf, 0.0)]  # since when, how fast was asked
         self._bad = False
 
     def arrived(self, frame: Frame) -> None:
