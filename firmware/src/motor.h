@@ -4,10 +4,10 @@
 //   duty  = (sign(setpoint) * static + velocity * speed) * full battery / battery
 //
 // Speeds are in sixteenths of mm/s ("q4"); duty is a signed fraction of full voltage, 32767 = 1. The
-// feedforward does most of the work. `drift`, how much faster the wheel runs than told, is learned between and
-// at edges (wheel.h); it is the loop's integral, takes up what two motors differ by, and is forgotten when the
-// setpoint becomes zero or changes its sign. A setpoint of zero is no control at all: duty zero. The duty never
-// opposes the setpoint.
+// feedforward does most of the work. `drift`, how much faster the wheel runs than told, is learned between
+// and at edges (wheel.h); it is the loop's integral, takes up what two motors differ by, and is forgotten
+// when the setpoint becomes zero or changes its sign. A setpoint of zero is no control at all: duty zero. The
+// duty never opposes the setpoint.
 //
 // Limits. A wheel that does not turn at all is pushed by the integral up to static + 3/4 integral_limit; more
 // than that would be let loose when it comes free, and is what a wheel with a dead encoder may be driven too
@@ -56,13 +56,15 @@ void motor_sense(struct motor *motor, const struct encoder *encoder);
 // Travel of the wheel since the start, micrometres, between counts too.
 int32_t motor_travel_um(const struct motor *motor);
 
-// Motor off: forget what was learned, so that the next start is like the first. The wheel goes on being sensed.
+// Motor off: forget what was learned, so that the next start is like the first. The wheel goes on being
+// sensed.
 void motor_release(struct motor *motor);
 
 // One tick, after motor_sense(). Returns the duty, within duty_limit.
 //
-// battery_mv: as measured, 0 if it cannot be. It scales the duty by 0.8 to 1.5: as measured when the wheel sets
-// out, later following by 0.05 % a tick, so that the battery's answer to the motor does not come back to it.
+// battery_mv: as measured, 0 if it cannot be. It scales the duty by 0.8 to 1.5: as measured when the wheel
+// sets out, later following by 0.05 % a tick, so that the battery's answer to the motor does not come back to
+// it.
 int16_t motor_update(struct motor *motor, int16_t setpoint_q4, uint16_t battery_mv);
 
 #endif

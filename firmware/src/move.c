@@ -43,14 +43,14 @@ void move_begin_turn(struct move *move, const struct drive_limits *limits, int16
     begin(move, limits, way_um, true, speed_q4 > 0 ? speed_q4 : 1, left_um, right_um);
 }
 
-// The profile's speed this tick, with so much way left: up by the ramp, down by half of it, and ever slower near
-// the end, where every count must be waited for.
+// The profile's speed this tick, with so much way left: up by the ramp, down by half of it, and ever slower
+// near the end, where every count must be waited for.
 static int16_t next_speed_q4(const struct move *move, int32_t left_um)
 {
     int32_t ramp = least((int32_t)move->speed_q4 + move->step_q4, move->cruise_q4);
     int32_t slowest = least(CREEP_Q4, ramp), speed = ramp;
     int32_t room_um = left_um > 0 ? least(left_um, WAY_MOST_UM) : 0;
-    int32_t braked = room_um * move->step_q4 * 3; // speed^2 that half the ramp brakes on it: 16 / 5 * way * step
+    int32_t braked = room_um * move->step_q4 * 3; // speed^2 that half the ramp brakes on it: 3.2 * way * step
     while (speed * speed > braked && speed > CREEP_Q4)
         speed -= CREEP_Q4 / 16;
     speed = least(speed, room_um / APPROACH_UM);
@@ -67,9 +67,12 @@ static int32_t left_of(const struct move *move, uint8_t side, int32_t at_um)
 bool move_update(struct move *move, int32_t left_um, int32_t right_um, int16_t setpoint_q4[DRIVE_SIDES])
 {
     const int32_t at_um[DRIVE_SIDES] = {left_um, right_um};
-    const int32_t to_go[DRIVE_SIDES] = {left_of(move, DRIVE_LEFT, left_um), left_of(move, DRIVE_RIGHT, right_um)};
+    const int32_t to_go[DRIVE_SIDES] = {
+        left_of(move, DRIVE_LEFT, left_um),
+        left_of(move, DRIVE_RIGHT, right_um),
+    };
     int32_t speed = move->speed_q4 = next_speed_q4(move, to_go[DRIVE_LEFT] / 2 + to_go[DRIVE_RIGHT] / 2);
-    int32_t ahead = (to_go[DRIVE_RIGHT] - to_go[DRIVE_LEFT]) / LEVEL_UM; // by how much the left one is, in speed
+    int32_t ahead = (to_go[DRIVE_RIGHT] - to_go[DRIVE_LEFT]) / LEVEL_UM; // the left one, in speed
     ahead = ahead > 0 ? least(ahead, speed / 2) : -least(-ahead, speed / 2);
     const int32_t wanted[DRIVE_SIDES] = {speed - ahead, speed + ahead};
 
@@ -77,7 +80,8 @@ bool move_update(struct move *move, int32_t left_um, int32_t right_um, int16_t s
     for (uint8_t side = 0; side < DRIVE_SIDES; side++) {
         if (to_go[side] <= speed * ROLL_OUT_TICKS * 5 / 16) // mm/s for 5 ms
             move->arrived[side] = true;
-        setpoint_q4[side] = move->arrived[side] ? 0 : (int16_t)(least(wanted[side], INT16_MAX) * move->sign[side]);
+        int32_t wheel = move->arrived[side] ? 0 : least(wanted[side], INT16_MAX);
+        setpoint_q4[side] = (int16_t)(wheel * move->sign[side]);
         moving = moving || !move->arrived[side] || at_um[side] != move->last_um[side];
         move->last_um[side] = at_um[side];
     }

@@ -1,10 +1,11 @@
 // A move from standstill to standstill: straight on by a distance, or a turn on the spot by an angle.
 //
-// Both wheels go equally far, forward or back. The profile follows from the way that is left, so nothing needs to
-// be caught up with: it speeds up by the ramp, slows down by half of it, and over the last centimetres ever more,
-// since there every count tells where a wheel truly is and what its motor does at so slow a speed. What one wheel
-// is ahead of the other is taken off its setpoint and added to the other's, which holds the heading of a straight
-// move and the place of a turn. Each wheel is braked at its own end, short of it by what it rolls out.
+// Both wheels go equally far, forward or back. The profile follows from the way that is left, so nothing
+// needs to be caught up with: it speeds up by the ramp, slows down by half of it, and over the last
+// centimetres ever more, since there every count tells where a wheel truly is and what its motor does at so
+// slow a speed. What one wheel is ahead of the other is taken off its setpoint and added to the other's,
+// which holds the heading of a straight move and the place of a turn. Each wheel is braked at its own end,
+// short of it by what it rolls out.
 //
 // A move ends by itself unless a wheel is held; then it goes on pushing, and to notice that is not done here.
 #ifndef MOVE_H

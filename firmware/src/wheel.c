@@ -2,14 +2,14 @@
 #include "wheel.h" // this file's manual
 
 #define LAG_SHARE_Q8 21       // of what is missing to the speed told that is gained in a tick: a lag of 60 ms
-#define FRICTION_Q4 INT32_C(100)       // a braked wheel slows down as if it were told to go this fast the other way
+#define FRICTION_Q4 INT32_C(100) // a braked wheel slows down as if it were told to go back this fast
 #define TICKS_MOST 60         // further back nothing is averaged
 #define TICKS_LEAST 10        // errors over less than the lag are no errors in speed
 #define TICK_IN_PARTS(us) ((int32_t)(us) * 105 / 2048) // of a tick, times 256
 #define AGE_MOST_US 20000u    // of an edge that came in this tick
 #define RELEASED_Q4 2000      // fastest a wheel is by the edge that shows it is no longer held
 
-#define PUSH_Q12 1024         // a wheel that is held, however slow it was told to go, is as much slower every tick
+#define PUSH_Q12 1024         // a held wheel, however slow it was told to go, is as much slower every tick
 
 #define EDGES_TO_PLACE 5      // the last of them tells where the wheel began
 #define SLOW_START_TICKS 48   // a wheel that needs longer for its first edge did not gain speed evenly
@@ -138,7 +138,8 @@ static void correct_by_edge(struct wheel *wheel, int8_t direction, int32_t missi
 {
     if (wheel->stuck >= WHEEL_STUCK_TICKS) { // when it came loose is unknown
         int16_t told = (int16_t)(wheel->told_q4 * direction);
-        wheel->speed_q12 = (told < 0 ? 0 : told < RELEASED_Q4 ? told : RELEASED_Q4) * (int32_t)direction * 256;
+        int32_t speed_q4 = told < 0 ? 0 : told < RELEASED_Q4 ? told : RELEASED_Q4;
+        wheel->speed_q12 = speed_q4 * direction * 256;
         return;
     }
     int32_t correction = error_q12(wheel, missing_16um);

@@ -1,13 +1,13 @@
 // Where one wheel is and how fast it turns between its edges.
 //
 // At 0.1 m/s an edge comes every tenth tick; what an encoder tells is late and coarse. Here a simple motor is
-// kept in step with the real one: every tick it turns as its wheel was told, and every edge says how far it was
-// off. From that it learns three things: the wheel's place and speed now, its drift (how much faster it runs
-// than it is told, for every motor differs), and where in its first count it stood at the start.
+// kept in step with the real one: every tick it turns as its wheel was told, and every edge says how far it
+// was off. From that it learns three things: the wheel's place and speed now, its drift (how much faster it
+// runs than it is told, for every motor differs), and where in its first count it stood at the start.
 //
 //   speed   goes to what was told with a lag of 60 ms; told nothing, it is braked and comes to rest
 //   place   from the last edge on; never past the next edge, which has not come
-//   drift   a share of every error in speed. At the start it is taken to be WHEEL_DRIFT_Q4 too fast, until edges
+//   drift   a share of every error in speed. At the start it is taken to be WHEEL_DRIFT_Q4, until edges
 //           tell: a motor better than expected would jump off, a worse one only starts a little later
 //
 // The first edge alone cannot tell how far the wheel has come, for it may have stood anywhere between two
@@ -63,8 +63,8 @@ void wheel_start(struct wheel *wheel, int8_t direction);
 // One tick, after encoder_update() and with what was told since the last one.
 void wheel_update(struct wheel *wheel, const struct encoder *encoder);
 
-// Speed, sixteenths of mm/s, and travel since the start, forward positive. Travel may jump when an edge comes,
-// by as much as the place was wrong, and once when the fifth edge tells where the wheel began.
+// Speed, sixteenths of mm/s, and travel since the start, forward positive. Travel may jump when an edge
+// comes, by as much as the place was wrong, and once when the fifth edge tells where the wheel began.
 int16_t wheel_speed_q4(const struct wheel *wheel);
 int32_t wheel_travel_um(const struct wheel *wheel);
 

@@ -51,12 +51,12 @@ static double border(const struct rig_wheel *wheel, int cell)
     return cell + wheel->motor.edges[cell & 3];
 }
 
-struct rig *rig_new(const struct rig_motor *left, const struct rig_motor *right, double battery_v, double sag_v)
+struct rig *rig_new(const struct rig_motor *left, const struct rig_motor *right, double full_v, double sag_v)
 {
     struct rig *rig = calloc(1, sizeof *rig);
     // The defaults of host/link/parameters.py, whatever the motors are.
     struct motor_gains gains = {2600, 690, 0, 345, 140, 8000, MOTOR_DUTY_FULL, 7400};
-    rig->battery_v = battery_v;
+    rig->battery_v = full_v;
     rig->sag_v = sag_v;
     rig->us = 1000000;
     rig->limits = (struct drive_limits){.track_um = 150000, .speed_q4 = 600 * 16, .step_q4 = 80};
@@ -113,7 +113,8 @@ static void pass_edges(struct rig_wheel *wheel, double before, uint64_t us)
 static void turn(struct rig_wheel *wheel, double volts, uint64_t us)
 {
     const struct rig_motor *motor = &wheel->motor;
-    double drive = fabs(wheel->duty * volts / FULL_V / MOTOR_DUTY_FULL), before = wheel->mm_s, was = wheel->counts;
+    double drive = fabs(wheel->duty * volts / FULL_V / MOTOR_DUTY_FULL);
+    double before = wheel->mm_s, was = wheel->counts;
     bool rests = before == 0 && drive <= motor->dead_zone * motor->stiction;
     if (wheel->held || rests) {
         wheel->mm_s = 0;
@@ -157,7 +158,8 @@ void rig_tick(struct rig *rig, int16_t left_q4, int16_t right_q4)
     drive(rig, setpoint_q4);
 }
 
-// A whole move; how many ticks it took, or -1 if it did not end. Pauses for 0.4 s after so many ticks, 0: never.
+// A whole move; how many ticks it took, or -1 if it did not end. Pauses for 0.4 s after so many ticks, 0:
+// never.
 int rig_move(struct rig *rig, bool turns, int16_t amount, uint16_t speed, int pause_at, int ticks_most)
 {
     sense(rig);

@@ -1,4 +1,5 @@
-// Specification of move.c: which way the wheels go, how fast, how they keep level, and when a move is at its end.
+// Specification of move.c: which way the wheels go, how fast, how they keep level, and when a move is at its
+// end.
 #include <setjmp.h> // cmocka
 #include <stdarg.h> // cmocka
 #include <stddef.h> // cmocka
