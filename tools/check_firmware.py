@@ -8,9 +8,11 @@ What clang-tidy looks for stands in firmware/.clang-tidy.
 
 from __future__ import annotations
 
+import os
 import shutil
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -36,13 +38,14 @@ AVR = [
 def findings(sources: Path = SOURCES, only: str = "*.c") -> str:
     """What both tools have to say about the C files in a folder like firmware/src; empty if nothing."""
     files = sorted(sources.glob(f"**/{only}"))
-    commands = [[*CPPCHECK, *files], [*CLANG_TIDY, *files, "--", *AVR]]
-    said = ""
-    for command in commands:
+    commands = [[*CPPCHECK, *files], *([*CLANG_TIDY, file, "--", *AVR] for file in files)]
+
+    def run(command: list[str | Path]) -> str:
         done = subprocess.run(command, capture_output=True, text=True)
-        if done.returncode:
-            said += done.stdout + done.stderr
-    return said
+        return done.stdout + done.stderr if done.returncode else ""
+
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        return "".join(pool.map(run, commands))
 
 
 def main() -> None:
