@@ -134,6 +134,6 @@ def _rtt(stage: Evidence, share: float) -> float | None:
 def _row(load: int, stage: Evidence, seconds: float) -> list[Cell]:
     there = stage.robot.get("lost", 0)
     return [
-        f"{load} %", stage.sent / seconds, len(stage.rtt_ms) / seconds, stage.telemetry_hz,
+        f"{load} %", stage.sent / seconds, stage.answered / seconds, stage.telemetry_hz,
         there, stage.host.get("lost", 0), stage.robot.get("tx_dropped", 0), _rtt(stage, 0.99),
     ]  # fmt: skip

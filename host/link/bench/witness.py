@@ -37,8 +37,9 @@ class Evidence:
     refusals: dict[str, int] = field(default_factory=dict)  # NACKs by reason, lower case
     faults: dict[str, int] = field(default_factory=dict)  # latched by the robot, lower case
     longest_silence_s: float = 0.0  # without a whole frame from the robot
-    rtt_ms: list[float] = field(default_factory=list)
+    rtt_ms: list[float] = field(default_factory=list)  # of very many, only some
     pings: int = 0
+    answered: int = 0
     drift_ppm: float | None = None  # of the robot's clock against this computer's
     battery_mv_min: int | None = None
     violations: list[str] = field(default_factory=list)  # of what must never happen, in plain words
@@ -58,7 +59,7 @@ class Witness:
         self._cause: tuple[int, str] | None = None
         self._fault: int | None = None  # not known yet
         self._pings: dict[int, float] = {}
-        self._answers, self._every = 0, 1
+        self._every = 1
         self._first_mcu_us: int | None = None
         self._mcu_us = 0
         self._run_us = 0  # robot time between telemetry, over all starts
@@ -112,8 +113,8 @@ class Witness:
 
     def _add_rtt(self, ms: float) -> None:
         """Of very many round trips, every second, fourth and so on."""
-        self._answers += 1
-        if self._answers % self._every == 0:
+        self._evidence.answered += 1
+        if self._evidence.answered % self._every == 0:
             self._evidence.rtt_ms.append(ms)
         if len(self._evidence.rtt_ms) >= RTTS_MAX:
             self._evidence.rtt_ms = self._evidence.rtt_ms[1::2]
