@@ -13,9 +13,9 @@
 #define ORDINARY_Q4 (95 * 16) // friction may hold a slower wheel that was going on well
 #define MISSED_TICKS 27u
 #define RETREAT_TICKS 16u // of a wheel that has counted back, which a wheel at its pace does not
-#define DEAD_ASKED MM(62)
+#define DEAD_ASKED MM(50) // besides two and a half counts
 #define STALL_TICKS 80u
-#define STALL_ASKED MM(39)
+#define STALL_ASKED MM(26) // likewise
 #define QUIET_TICKS 10u
 
 #define REVERSED_UM 17500
@@ -32,7 +32,7 @@
 
 #define TURN_Q4 INT32_C(480) // less of a difference is no turn
 #define TURN_TOLD MM(20)
-#define TURN_UM 20000
+#define TURN_UM 10000 // and two counts
 #define UNLIKE_DIVISOR 8 // of both wheels' ways: they do not go alike
 #define TURN_LONGEST_UM 10000000 // then it is judged anew
 
@@ -145,7 +145,7 @@ static void follow(struct watch_side *side, const struct watch_wheel *wheel)
 
 static bool owes(const struct watch_side *side, uint32_t asked_q4)
 {
-    return side->asked_q4 >= asked_q4 && side->asked_q4 >= side->way_q4;
+    return side->asked_q4 >= asked_q4 + side->way_q4;
 }
 
 // It should have got further by now.
@@ -231,8 +231,9 @@ static bool turns_backward(struct watch *watch, const struct watch_wheel wheels[
     int32_t left_um = turned_um(watch, wheels, DRIVE_LEFT), right_um = turned_um(watch, wheels, DRIVE_RIGHT);
     int32_t back_um = (right_um - left_um) * turn;
     int32_t way_um = (left_um < 0 ? -left_um : left_um) + (right_um < 0 ? -right_um : right_um);
+    int32_t two_counts_um = 2 * (int32_t)watch->sides[DRIVE_LEFT].um_per_count;
     int32_t most_um =
-        TURN_UM + (int32_t)watch->turn_rolling_q4 * ROLL_OUT_UM_PER_Q4 + way_um / UNLIKE_DIVISOR;
+        TURN_UM + two_counts_um + (int32_t)watch->turn_rolling_q4 * ROLL_OUT_UM_PER_Q4 + way_um / UNLIKE_DIVISOR;
     if (way_um > TURN_LONGEST_UM)
         watch->turn = 0;
     return watch->turn_told >= TURN_TOLD && back_um > most_um;

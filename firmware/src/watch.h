@@ -15,6 +15,9 @@
 //   - it has been told at 10 cm/s or more to go a way that even a stiff wheel would have begun.
 // A slow wheel, which friction may hold for a second, is missed by the second sign alone.
 //
+// All this is for counts of up to 1 cm. Of 2 cm each, a stiff wheel may now and then be called dead while it
+// starts; of 4 cm, speeds are known too late to tell who runs away.
+//
 // Encoders are all there is to feel with, so some things look alike, and are told as follows:
 //   - one wheel that is blocked while the other turns: ENCODER_DEAD, as if its encoder were;
 //   - both encoders dead, or unplugged: STALL, as if both wheels were blocked. The robot then drives blind

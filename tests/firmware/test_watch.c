@@ -1,6 +1,6 @@
 // Specification of watch.c, on a robot that rolls: what is noticed how soon, and that nothing else is.
 //
-// WATCH_HOURS=100 in the environment drives about for longer than the test's own two hours.
+// WATCH_HOURS=100 in the environment drives about for longer than the two hours of the test.
 #include <setjmp.h> // cmocka
 #include <stdarg.h> // cmocka
 #include <stddef.h> // cmocka
