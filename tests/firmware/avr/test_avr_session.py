@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import json
+import os
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,6 +15,8 @@ from host.link.robot import Robot
 from host.sim import session
 from host.sim.avr.board import AvrBoard
 from host.sim.session import Simulation
+
+ROOT = Path(__file__).resolve().parents[3]
 
 
 def test_a_simulated_drive_goes_as_far_with_the_real_firmware_as_with_the_other(
@@ -37,3 +43,28 @@ def test_a_simulated_drive_goes_as_far_with_the_real_firmware_as_with_the_other(
     real, other = drive(True), drive(False)
     assert 12 < other[0] < 25
     assert real == pytest.approx(other, abs=0.5)
+
+
+MAIN_JOB = """
+import sys
+from functools import partial
+from pathlib import Path
+from host.sim import session
+from host.sim.avr.board import AvrBoard
+built = Path(sys.argv.pop(1))
+session.AvrBoard = partial(AvrBoard, elf=built / "uno.elf", library=built / "librig.so")
+from host import nav_loop
+sys.exit(nav_loop.main())
+"""
+
+
+def test_the_main_job_reaches_its_goal_with_the_real_firmware(built: Path, tmp_path: Path) -> None:
+    command = [sys.executable, "-c", MAIN_JOB, built, "--robot", "avr:", "--camera", "sim:room?seed=1"]
+    options = ["--no-view", "--max-time", "120", "--json", tmp_path / "result.json"]
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    done = subprocess.run(
+        [*command, *options], cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=300
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    result = json.loads((tmp_path / "result.json").read_text())
+    assert (result["outcome"], result["collisions"]) == ("goal", 0)
