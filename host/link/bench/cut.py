@@ -26,6 +26,7 @@ STANDING_MS = 400.0
 WATCH_S = 0.9  # after the line's death
 STEP_S = 0.001
 DRIVING_STEP_S = 0.003
+SAMPLE_MS = 1.0  # in simulation, the end of the millisecond in which it happened is told
 TELEMETRY_MS = 10.0  # on a real robot, what telemetry shows may be older by so much
 STILL_CM_S = 1.0  # slower is standing: two counts a second
 CREEP_S = 0.1  # where only counts are seen: one that comes so long after the last is rolled out, not driven
@@ -76,9 +77,8 @@ def run(options: CutOptions) -> Result:
                 _try(options, way, seed, of_way)
                 advance(1)
             tries.append(of_way)
-    limits = (
-        (BRAKING_MS, STANDING_MS) if simulated else (BRAKING_MS + TELEMETRY_MS, STANDING_MS + TELEMETRY_MS)
-    )
+    late_ms = SAMPLE_MS if simulated else TELEMETRY_MS
+    limits = (BRAKING_MS + late_ms, STANDING_MS + late_ms)
     rows: list[list[Cell]] = [
         [
             t.name,
@@ -238,7 +238,7 @@ def _try(options: CutOptions, way: Way, seed: int, tries: Tries) -> None:
 def _die(
     target: Target, way: Way, dying: Dying, truth: _Truth, recorder: Recorder, latest: Telemetry
 ) -> float:
-    """Let it happen; when the last command that the robot obeyed was sent."""
+    """Let it happen; when the last command that the robot obeyed had arrived."""
     obeyed_seq, restarts = latest.drive_seq, False
 
     def hear(frame: Frame) -> None:
@@ -265,7 +265,7 @@ def _die(
     target.far.on_frame.remove(hear)
     if target.rolling is not None:
         target.rolling.watchers.remove(truth.sample)
-    return begin_s if restarts else recorder.sent_s[obeyed_seq]
+    return begin_s if restarts else recorder.obeyed_s[obeyed_seq]
 
 
 def _await_ready(target: Target, robot: Robot) -> None:

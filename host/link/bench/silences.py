@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from host.link.bench.frames import Frame
 from host.link.bench.target import Target
 from host.link.protocol import (
+    BAUD,
     LAYOUTS,
     PROTOCOL_VERSION,
     SCHEMA_HASH,
@@ -188,7 +189,7 @@ class Recorder:
         self.drive_seq = 0
         self.recent: list[bytes] = []
         self.heard = b""
-        self.sent_s: dict[int, float] = {}  # of each DRIVE, by its sequence number
+        self.obeyed_s: dict[int, float] = {}  # when each DRIVE's last byte arrived, by its sequence number
         self._deadlines: dict[int, int] = {}
 
     def see(self, frame: Frame) -> None:
@@ -199,5 +200,5 @@ class Recorder:
             self.drive, self.drive_seq = frame.message, frame.seq
             self.recent = [*self.recent[-49:], b"\0" + frame.coded + b"\0"]
             if self._deadlines.get(frame.seq) != frame.message.expires_us:  # else the same one again
-                self.sent_s[frame.seq] = frame.t_s
+                self.obeyed_s[frame.seq] = frame.t_s + 10 / BAUD * (len(frame.coded) + 2)
             self._deadlines[frame.seq] = frame.message.expires_us
