@@ -73,8 +73,8 @@ void watch_init(struct watch *watch, const struct watch_model models[DRIVE_SIDES
         side->velocity_q8 = (uint16_t)models[i].velocity_q8;
         side->way_q4 = way_um * 8u; // a tick at one sixteenth of a mm/s is 5/16 um
         // At three quarters of the speed that the duty should give: way * velocity_q8 / 256 / 0.75
-        // and, since what counts is the first count, two thirds of that way.
-        side->pushed_most = way_um * (uint16_t)models[i].velocity_q8 / 36u + 1u;
+        // and, since what counts is the first count, four fifths of that way.
+        side->pushed_most = way_um * (uint16_t)models[i].velocity_q8 / 30u + 1u;
     }
 }
 
