@@ -293,8 +293,6 @@ static uint8_t begin_move(struct robot *robot, uint16_t speed, uint32_t expires_
 {
     if (speed == 0)
         return REFUSED_BAD_VALUE;
-    if (params_saving(&robot->params))
-        return REFUSED_BUSY;
     return supervisor_move(&robot->supervisor, robot->byte_us, expires_us);
 }
 
@@ -331,8 +329,6 @@ static uint8_t obey_turn(struct robot *robot, const uint8_t *payload)
 // May parameters change now?
 static uint8_t params_refusal(const struct robot *robot)
 {
-    if (params_saving(&robot->params))
-        return REFUSED_BUSY;
     return supervisor_stands(&robot->supervisor) ? 0 : REFUSED_NOT_STANDING;
 }
 

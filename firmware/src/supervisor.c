@@ -55,7 +55,8 @@ static const IN_FLASH struct transition transitions[] = {
     {IN(STATE_FAULT), SAW_CLEAR, STATE_BOOT, FAULT_NONE},
 
     {UNFAULTED, SAW_FOREIGN_HELLO, STATE_BOOT, FAULT_NONE},
-    {IN(STATE_BOOT), IN_SESSION, STATE_READY, FAULT_NONE},
+    {IN(STATE_BOOT), IN_SESSION | WHEELS_STILL, STATE_READY, FAULT_NONE},
+    {IN(STATE_BOOT), IN_SESSION, STATE_STOPPED, FAULT_NONE}, // it was told to drive before, or pushed
 
     {IN(STATE_DRIVING) | IN(STATE_MOVING), SAW_STOP, STATE_STOPPED, FAULT_NONE},
     {UNFAULTED & ~IN(STATE_BOOT), SAW_DRIVE, STATE_DRIVING, FAULT_NONE},
@@ -94,6 +95,7 @@ void supervisor_init(struct supervisor *supervisor, uint32_t boot_nonce, uint8_t
         .state = hung ? STATE_FAULT : STATE_BOOT,
         .fault = hung ? FAULT_WATCHDOG : FAULT_NONE,
         .boot_nonce = boot_nonce,
+        .standing = WHEELS_STILL, // until the encoders say otherwise
     };
 }
 

@@ -70,6 +70,7 @@ void watch_init(struct watch *watch, const struct watch_model models[DRIVE_SIDES
         uint32_t way_um = um > WAY_LEAST_UM ? um : WAY_LEAST_UM; // times 2.5
         side->um_per_count = um;
         side->static_duty = (uint16_t)models[i].static_duty;
+        side->stood = STANDING_TICKS; // after a reset it may roll, and no motor drives it
         side->velocity_q8 = (uint16_t)models[i].velocity_q8;
         side->way_q4 = way_um * 8u; // a tick at one sixteenth of a mm/s is 5/16 um
         // At three quarters of the speed that the duty should give: way * velocity_q8 / 256 / 0.75

@@ -33,7 +33,7 @@ REFUSALS: dict[Refusal, str] = {
     Refusal.BAD_NONCE: "it was meant for the robot before it restarted: connect again",
     Refusal.FAULT_PERSISTS: "the fault's cause is still there: remove it, then clear again",
     Refusal.NOT_STANDING: "the robot does not stand ready: stop it and wait until its wheels rest",
-    Refusal.BUSY: "the robot is still saving its parameters: wait half a second",
+    Refusal.BUSY: "the robot is still busy with the request before: wait for its outcome, or send STOP",
     Refusal.OLD_REQUEST: "a later request was sent since, perhaps by another program: end that one",
     Refusal.BY_STOP: "it was stopped",
     Refusal.BY_DRIVE: "a velocity command ended it",

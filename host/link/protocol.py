@@ -107,7 +107,7 @@ class Refusal(IntEnum):
     BAD_NONCE = 6  # meant for another start of the robot
     FAULT_PERSISTS = 7  # CLEAR while the cause is still there
     NOT_STANDING = 8  # parameters change, and moves begin, only while READY
-    BUSY = 9  # an earlier PARAM_SAVE is still being written
+    BUSY = 9  # the request before is still RUNNING; this one was not taken
     OLD_REQUEST = 10  # a later request has been taken since
     BY_STOP = 11  # a move ended by STOP
     BY_DRIVE = 12  # a move ended by DRIVE

@@ -38,7 +38,8 @@ class BodyModel:
     phase_error: float = 0.0  # counts by which an encoder's edges may lie off their even places, fixed ones
     full_speed_cm_s: float = 70.0  # at full duty and full battery
     dead_zone: float = 0.08  # duty below which a motor stands
-    lag_s: float = 0.05  # time constant of a motor
+    lag_s: float = 0.05  # time constant of a motor, driven or shorted
+    coast_s: float = 0.4  # of one that is open, by friction
     mismatch: float = 0.03  # by how much the left motor is faster than the right at the same duty
     battery_mv: float = 7400.0  # without load
     sag_mv: float = 300.0  # less with both motors at full duty
@@ -63,7 +64,6 @@ class Wheel:
         self._model = model
         self._cm_per_count = size * model.cm_per_count
         self._gain = gain * size * model.full_speed_cm_s / (1.0 - model.dead_zone)
-        self._keep = math.exp(-STEP_S / model.lag_s)  # share of a speed difference left after a step
         self._counts = phase  # travel in counts; an edge comes at every whole number and its shift
         self._shifts = shifts  # of the edges, each under half a count, the same for every fourth
         self._cell = self._cell_at(phase)
@@ -81,9 +81,11 @@ class Wheel:
         if aim == 0.0 and abs(before) < self._model.slowest_cm_s:
             self.speed_cm_s = 0.0
             return 0.0
-        self.speed_cm_s = aim + (before - aim) * self._keep
-        travel = aim * STEP_S + (before - aim) * self._model.lag_s * (1.0 - self._keep)
-        self._pass_edges(travel, before, aim, start_us)
+        lag_s = self._model.coast_s if self._board.coasting(self._side) else self._model.lag_s
+        kept = math.exp(-STEP_S / lag_s)  # share of a speed difference left after a step
+        self.speed_cm_s = aim + (before - aim) * kept
+        travel = aim * STEP_S + (before - aim) * lag_s * (1.0 - kept)
+        self._pass_edges(travel, before, aim, lag_s, start_us)
         return travel
 
     def _border(self, cell: int) -> float:
@@ -96,7 +98,7 @@ class Wheel:
             return cell - 1
         return cell + (counts >= self._border(cell + 1))
 
-    def _pass_edges(self, travel: float, before: float, aim: float, start_us: int) -> None:
+    def _pass_edges(self, travel: float, before: float, aim: float, lag_s: float, start_us: int) -> None:
         start = self._counts
         self._counts = start + travel / self._cm_per_count
         cell = self._cell_at(self._counts)
@@ -104,13 +106,12 @@ class Wheel:
             forward = cell > self._cell
             border = self._border(self._cell + 1 if forward else self._cell)
             self._cell += 1 if forward else -1
-            after_s = self._time_of((border - start) * self._cm_per_count, travel, before, aim)
+            after_s = self._time_of((border - start) * self._cm_per_count, travel, before, aim, lag_s)
             a, b = PHASES[self._cell % 4]
             self._board.set_encoder_pins(self._side, a, b, start_us + round(after_s * 1e6))
 
-    def _time_of(self, way: float, travel: float, before: float, aim: float) -> float:
+    def _time_of(self, way: float, travel: float, before: float, aim: float, lag: float) -> float:
         """When within the step the wheel has gone `way` cm."""
-        lag = self._model.lag_s
         t = way / travel * STEP_S
         for _ in range(2):  # Newton: the speed hardly changes within a step
             fade = math.exp(-t / lag)

@@ -16,6 +16,7 @@ if __name__ == "__main__":
 import contextlib
 import errno
 import os
+import random
 import select
 import signal
 import sys
@@ -166,7 +167,10 @@ def run(options: ServeOptions) -> None:
 
     signal.signal(signal.SIGHUP, signal.default_int_handler)  # a closed terminal ends it as Ctrl-C does
     world = None if options.world is None else world_from_uri(options.world)
-    robot = open_rolling(options.robot, world, read_eeprom(options.eeprom))
+    uri = options.robot
+    if "seed=" not in uri:  # as after any power-on, the boot nonce is another one
+        uri += f"{'&' if '?' in uri else '?'}seed={random.SystemRandom().randrange(1 << 31)}"
+    robot = open_rolling(uri, world, read_eeprom(options.eeprom))
     port = Port()
     try:
         with symbolic_link(options.link, port.path):

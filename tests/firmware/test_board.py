@@ -220,6 +220,22 @@ def test_a_restart_turns_the_motors_off_forgets_the_session_and_shows_itself(
     assert bench.duties == OFF
 
 
+def test_wheels_that_still_roll_after_a_restart_are_no_fault(bench: Bench) -> None:
+    bench.drive_for_ms(1000, 500)
+    for wheel in bench.wheels:
+        wheel.lag_s = 0.3  # heavy
+    bench.board.reset(ResetCause.BROWN_OUT)
+    bench.run_ms(100)
+    assert bench.hear_telemetry().speed_left_mm_s > 100
+    bench.tell(HelloRequest(PROTOCOL_VERSION, SCHEMA_HASH))
+    bench.run_ms(15)
+    told = bench.hear_telemetry()
+    assert (told.state, told.fault) == (State.STOPPED, Fault.NONE)
+    bench.run_ms(1500)
+    told = bench.hear_telemetry()
+    assert (told.state, told.fault) == (State.READY, Fault.NONE)
+
+
 # --- A hung main loop ---------------------------------------------------------------------------
 
 

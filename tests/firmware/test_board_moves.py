@@ -1,4 +1,4 @@
-"""MOVE and TURN asked for over the line, on both simulated boards, motors 15 % apart: where they truly end."""
+"""MOVE and TURN over the line, on both simulated boards, motors 15 % apart: where they truly end."""
 
 from __future__ import annotations
 

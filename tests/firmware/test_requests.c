@@ -67,6 +67,18 @@ static void what_runs_ends_once(void **state)
     expect(7, OUTCOME_ABORTED, REFUSED_BY_STOP);
 }
 
+static void while_one_runs_no_other_is_taken(void **state)
+{
+    (void)state;
+    requests_take(&requests, MSG_MOVE, 7, 0, true);
+    assert_int_equal(requests_refusal(&requests, 7), 0); // a repetition
+    assert_int_equal(requests_refusal(&requests, 8), REFUSED_BUSY);
+    assert_int_equal(requests_refusal(&requests, 6), REFUSED_OLD_REQUEST);
+    expect(7, OUTCOME_RUNNING, REFUSED_NONE);
+    requests_end(&requests, MSG_MOVE, OUTCOME_DONE, REFUSED_NONE);
+    assert_int_equal(requests_refusal(&requests, 8), 0);
+}
+
 static void the_end_of_an_earlier_request_is_not_told_as_that_of_a_later_one(void **state)
 {
     (void)state;
@@ -83,6 +95,7 @@ int main(void)
         cmocka_unit_test_setup(a_request_done_at_once_is_done, fresh),
         cmocka_unit_test_setup(a_refused_request_is_taken_all_the_same, fresh),
         cmocka_unit_test_setup(what_runs_ends_once, fresh),
+        cmocka_unit_test_setup(while_one_runs_no_other_is_taken, fresh),
         cmocka_unit_test_setup(the_end_of_an_earlier_request_is_not_told_as_that_of_a_later_one, fresh),
     };
     return cmocka_run_group_tests_name("requests", tests, NULL, NULL);

@@ -542,14 +542,15 @@ static void a_move_is_refused_with_its_reason_and_its_number_is_spent(void **sta
     expect_request(5, OUTCOME_REFUSED, REFUSED_FAULT_LATCHED);
 }
 
-static void a_second_move_is_refused_and_the_first_goes_on_untold(void **state)
+static void a_second_move_is_not_taken_and_the_first_goes_on(void **state)
 {
     (void)state;
     tell_move(NONCE, 2, 100, 100, DEAD_MAN_US);
-    expect_nack(MSG_MOVE, REFUSED_NOT_STANDING);
+    expect_nack(MSG_MOVE, REFUSED_BUSY);
     assert_int_equal(rig.robot.supervisor.state, STATE_MOVING);
+    expect_request(1, OUTCOME_RUNNING, REFUSED_NONE);
     tell_stop(STOP_BRAKE);
-    expect_request(2, OUTCOME_REFUSED, REFUSED_NOT_STANDING);
+    expect_request(1, OUTCOME_ABORTED, REFUSED_BY_STOP);
 }
 
 static void a_move_brakes_at_its_deadline_and_goes_on_when_kept_alive(void **state)
@@ -684,7 +685,7 @@ static void while_driving_or_moving_no_parameter_changes(void **state)
     expect_nack(MSG_PARAM_SAVE, REFUSED_NOT_STANDING);
     moving(state);
     tell_param_write(NONCE, 2, PARAM_SPEED_MAX_MM_S, 100);
-    expect_nack(MSG_PARAM_WRITE, REFUSED_NOT_STANDING);
+    expect_nack(MSG_PARAM_WRITE, REFUSED_BUSY);
     assert_int_equal(params_get(&rig.robot.params, PARAM_SPEED_MAX_MM_S), 600);
 }
 
@@ -722,8 +723,9 @@ static void saved_parameters_are_there_after_a_restart(void **state)
     expect_nack(MSG_PARAM_WRITE, REFUSED_BUSY);
     tell_move(NONCE, 4, 100, 100, DEAD_MAN_US);
     expect_nack(MSG_MOVE, REFUSED_BUSY);
+    expect_request(2, OUTCOME_RUNNING, REFUSED_NONE); // they were not taken
     ticks(400);
-    expect_request(4, OUTCOME_REFUSED, REFUSED_BUSY); // whose turn is over
+    expect_request(2, OUTCOME_DONE, REFUSED_NONE);
     tell_param_write(NONCE, 5, PARAM_TRACK_UM, 160000);
     tell_param_save(NONCE, 6);
     ticks(400);
@@ -932,7 +934,7 @@ int main(void)
         cmocka_unit_test_setup(an_older_request_and_one_for_another_start_leave_no_trace, moving),
         cmocka_unit_test_setup(without_a_session_nothing_is_taken, start),
         cmocka_unit_test_setup(a_move_is_refused_with_its_reason_and_its_number_is_spent, session),
-        cmocka_unit_test_setup(a_second_move_is_refused_and_the_first_goes_on_untold, moving),
+        cmocka_unit_test_setup(a_second_move_is_not_taken_and_the_first_goes_on, moving),
         cmocka_unit_test_setup(a_move_brakes_at_its_deadline_and_goes_on_when_kept_alive, moving),
         cmocka_unit_test_setup(a_move_without_keep_alive_ends_in_link_lost, moving),
         cmocka_unit_test_setup(a_keep_alive_that_came_too_late_is_refused, moving),

@@ -267,6 +267,19 @@ static void stop_and_drive_and_a_foreign_host_end_a_move(void **state)
     expect(STATE_BOOT, FAULT_NONE);
 }
 
+static void a_session_that_opens_while_the_wheels_turn_is_ready_only_when_they_stand(void **state)
+{
+    driving(state);
+    supervisor_hello(&rig.supervisor, PROTOCOL_VERSION, SCHEMA_HASH ^ 1u);
+    hello();
+    expect(STATE_STOPPED, FAULT_NONE);
+    assert_false(supervisor_stands(&rig.supervisor));
+    assert_int_equal(supervisor_move(&rig.supervisor, rig.now_us, rig.now_us + 100000), REFUSED_NOT_STANDING);
+    rig.senses.wheels_still = true;
+    ticks(1);
+    expect(STATE_READY, FAULT_NONE);
+}
+
 // --- Stop ------------------------------------------------------------------------------------------
 
 static void stop_ends_driving_at_once_and_is_ready_when_the_wheels_stand(void **state)
@@ -613,6 +626,7 @@ int main(void)
         cmocka_unit_test_setup(a_start_after_the_watchdog_is_a_fault_until_cleared, fresh),
         cmocka_unit_test_setup(no_other_reset_is_a_fault, fresh),
         cmocka_unit_test_setup(clear_leads_to_ready_once_the_wheels_stand_and_to_stopped_before, driving),
+        cmocka_unit_test(a_session_that_opens_while_the_wheels_turn_is_ready_only_when_they_stand),
         cmocka_unit_test_setup(stop_ends_driving_at_once_and_is_ready_when_the_wheels_stand, driving),
         cmocka_unit_test_setup(a_stopping_robot_may_be_driven_on, driving),
         cmocka_unit_test_setup(stop_neither_clears_a_fault_nor_opens_a_session, link_lost),

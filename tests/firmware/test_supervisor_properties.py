@@ -73,7 +73,7 @@ class Model:
     alive_until_us: int = 0
     silent_at_us: int = 0  # when the dead-man acts
     button: bool = False
-    still: bool = False
+    still: bool = True
     wheels: Fault = Fault.NONE
     low: bool = False
     sagging_since_us: int | None = None
@@ -128,7 +128,7 @@ class Model:
         elif not self.session:
             self.state = State.BOOT
         elif self.state == State.BOOT:
-            self.state = State.READY
+            self.state = State.READY if self.still else State.STOPPED
         else:
             self.rest()
         return Refusal.NONE if self.session else Refusal.SCHEMA

@@ -27,6 +27,10 @@ class FakeBoard:
         self.duties = {Side.LEFT: 0.0, Side.RIGHT: 0.0}
         self.edges: dict[Side, list[tuple[int, bool, bool]]] = {Side.LEFT: [], Side.RIGHT: []}
         self.battery_mv: list[int] = []
+        self.open = False  # both motors, instead of shorted
+
+    def coasting(self, side: Side) -> bool:
+        return self.open
 
     def duty(self, side: Side) -> float:
         return self.duties[side]
@@ -251,3 +255,17 @@ def test_edges_off_their_places_are_the_same_ones_there_and_back() -> None:
     board.drive(body, 0.4, 0.4, 700)
     board.drive(body, -0.4, -0.4, 1500)
     assert abs(board.counts(Side.LEFT) - body.axle[1] / 0.5 - 24) < 1.6  # it began at z = -12 cm
+
+
+def test_an_open_motor_rolls_on_where_a_shorted_one_stops() -> None:
+    ways = {}
+    for coasts in (False, True):
+        body, board = body_in(hall())
+        board.drive(body, 0.6, 0.6, 1000)
+        speed, before = body.speed_cm_s, body.distance_cm
+        board.open = coasts
+        board.drive(body, 0.0, 0.0, 4000)
+        assert body.speed_cm_s == 0.0
+        ways[coasts] = body.distance_cm - before
+        assert ways[coasts] == pytest.approx(speed * (EQUAL.coast_s if coasts else EQUAL.lag_s), rel=0.02)
+    assert ways[True] > 5 * ways[False]

@@ -141,18 +141,19 @@ def test_a_link_where_none_can_be_is_refused(tmp_path: Path) -> None:
 
 def test_parameters_saved_are_there_when_it_is_served_again(tmp_path: Path) -> None:
     kept, link = tmp_path / "eeprom.bin", tmp_path / "robot"
-    values = []
+    values, nonces = [], set()
     for _ in range(2):
         arguments = ["sim:", "--link", str(link), "--eeprom", str(kept)]
         with subprocess.Popen([*SERVE, *arguments], stdout=subprocess.PIPE, text=True) as server:
             assert server.stdout is not None and server.stdout.readline()
             with Robot(SerialPort(str(link)), SystemClock()) as robot:
-                robot.connect()
+                nonces.add(robot.connect().boot_nonce)
                 values.append(robot.read_param(Param.TRACK_UM))
                 robot.write_param(Param.TRACK_UM, 151_234)
                 robot.save_params()
             server.terminate()
     assert values == [150_000, 151_234]
+    assert len(nonces) == 2
 
 
 def test_a_file_that_is_no_eeprom_is_not_overwritten(tmp_path: Path) -> None:
