@@ -41,6 +41,12 @@ void drive_command(struct drive *drive, int16_t v_mm_s, int16_t omega_mrad_s)
     drive->target_q4[DRIVE_RIGHT] = (int16_t)wheels[DRIVE_RIGHT];
 }
 
+void drive_take_over(struct drive *drive, const int16_t setpoint_q4[DRIVE_SIDES])
+{
+    for (uint8_t side = 0; side < DRIVE_SIDES; side++)
+        drive->target_q4[side] = drive->setpoint_q4[side] = setpoint_q4[side];
+}
+
 void drive_release(struct drive *drive)
 {
     for (uint8_t side = 0; side < DRIVE_SIDES; side++)

@@ -27,6 +27,9 @@ void drive_init(struct drive *drive, const struct drive_limits *limits);
 // Set the velocity to approach.
 void drive_command(struct drive *drive, int16_t v_mm_s, int16_t omega_mrad_s);
 
+// The wheels follow other setpoints for now, those of a move: the ramp goes on from there.
+void drive_take_over(struct drive *drive, const int16_t setpoint_q4[DRIVE_SIDES]);
+
 // Forget target and ramp: both setpoints are zero at once.
 void drive_release(struct drive *drive);
 

@@ -152,6 +152,7 @@ static void move_on(struct robot *robot)
     int16_t setpoint_q4[DRIVE_SIDES];
     if (!move_update(&robot->move, motor_travel_um(&robot->motors[DRIVE_LEFT]),
                      motor_travel_um(&robot->motors[DRIVE_RIGHT]), setpoint_q4)) {
+        drive_take_over(&robot->drive, setpoint_q4); // a DRIVE may end the move
         motors_follow(robot, setpoint_q4);
         return;
     }

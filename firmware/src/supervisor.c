@@ -207,7 +207,7 @@ bool supervisor_stands(const struct supervisor *supervisor)
 static void watch_battery(struct supervisor *supervisor, uint32_t now_us, uint16_t battery_mv)
 {
     uint16_t min_mv = supervisor->battery_min_mv;
-    if (battery_mv == 0 || battery_mv >= min_mv + SUPERVISOR_BATTERY_RECOVERY_MV)
+    if (battery_mv == 0 || min_mv == 0 || battery_mv >= min_mv + SUPERVISOR_BATTERY_RECOVERY_MV)
         set_standing(supervisor, BATTERY_LOW, false);
 
     if (battery_mv == 0 || battery_mv >= min_mv) {

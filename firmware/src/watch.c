@@ -17,6 +17,7 @@
 #define STALL_TICKS 80u
 #define STALL_ASKED MM(26) // likewise
 #define QUIET_TICKS 10u
+#define TOLD_MOST MM(200)
 
 #define REVERSED_UM 17500
 #define ROLL_OUT_UM_PER_Q4 19 // a wheel told to turn back rolls on no further than at its speed in 0.3 s
@@ -157,7 +158,8 @@ static bool is_missed(const struct watch_side *side)
     bool turning_back = side->turned == 0 && (side->rolling_q4 != 0 || side->retreated); // or reversed
     uint32_t pushed_most = turning_back ? 2u * side->pushed_most : side->pushed_most;
     return side->silent >= MISSED_TICKS
-        && (side->paced_q4 >= side->way_q4 || side->pushed >= pushed_most || owes(side, DEAD_ASKED));
+        && (side->paced_q4 >= side->way_q4 || side->pushed >= pushed_most || owes(side, DEAD_ASKED)
+            || side->told_q4 >= TOLD_MOST);
 }
 
 static bool is_stalled(const struct watch_side *side)

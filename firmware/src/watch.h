@@ -8,12 +8,13 @@
 //                     two wheels' encoders are swapped
 //   RUNAWAY           a wheel is far faster than it was told, or keeps turning after its motor was turned off
 //
-// A count is missed by any of three signs:
+// A count is missed by any of these signs:
 //   - the wheel went on steadily at 10 cm/s or more, as told; had it kept its pace, or only that which it was
 //     told since, it would have gone two and a half counts. Edges may come one and a half counts apart;
 //   - its motor has been given what moves any wheel, on carpet and uphill too, for long enough to do it;
 //   - it has been told at 10 cm/s or more to go a way that even a stiff wheel would have begun.
-// A slow wheel, which friction may hold for a second, is missed by the second sign alone.
+// A slow wheel, which friction may hold for a second, is missed by the second sign, and by a fourth: it has been
+// told to go 20 cm, whatever its motor was given. Gains too small to move a wheel cannot hide a dead encoder.
 //
 // All this is for counts of up to 1 cm. Of 2 cm each, a stiff wheel may now and then be called dead while it
 // starts; of 4 cm, speeds are known too late to tell who runs away.

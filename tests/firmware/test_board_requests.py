@@ -108,6 +108,20 @@ def test_a_turn_goes_its_angle(rig: Rig) -> None:
     assert (left_mm - right_mm) / 150 == pytest.approx(math.pi / 2, abs=0.04)
 
 
+def test_a_drive_takes_over_from_a_move_without_a_jerk(rig: Rig) -> None:
+    rig.ask_to_move(Move, 3000, 400)
+    rig.keep_alive_for_ms(1500)
+    speed = rig.wheels[0].speed_mm_s
+    assert speed > 350
+    slowest = speed
+    for _ in range(10):
+        rig.tell(rig.drive(400))
+        rig.run_ms(50)
+        slowest = min(slowest, rig.wheels[0].speed_mm_s)
+    assert rig.hear_telemetry().state == State.DRIVING
+    assert slowest > 0.9 * speed
+
+
 def test_a_move_whose_host_falls_silent_brakes_by_200_ms_and_is_aborted(rig: Rig) -> None:
     rig.ask_to_move(Move, 2000, 300)
     rig.keep_alive_for_ms(500)

@@ -267,6 +267,21 @@ static void stop_and_drive_and_a_foreign_host_end_a_move(void **state)
     expect(STATE_BOOT, FAULT_NONE);
 }
 
+static void a_battery_that_is_no_longer_watched_is_no_longer_low(void **state)
+{
+    fresh(state);
+    hello();
+    rig.senses.battery_mv = 1; // a board on USB alone
+    ticks(110);
+    expect(STATE_FAULT, FAULT_BATTERY_LOW);
+    supervisor_watch_battery(&rig.supervisor, 0);
+    ticks(1);
+    assert_int_equal(supervisor_clear(&rig.supervisor, NONCE), 0);
+    expect(STATE_READY, FAULT_NONE);
+    ticks(300);
+    expect(STATE_READY, FAULT_NONE);
+}
+
 static void a_session_that_opens_while_the_wheels_turn_is_ready_only_when_they_stand(void **state)
 {
     driving(state);
@@ -626,6 +641,7 @@ int main(void)
         cmocka_unit_test_setup(a_start_after_the_watchdog_is_a_fault_until_cleared, fresh),
         cmocka_unit_test_setup(no_other_reset_is_a_fault, fresh),
         cmocka_unit_test_setup(clear_leads_to_ready_once_the_wheels_stand_and_to_stopped_before, driving),
+        cmocka_unit_test(a_battery_that_is_no_longer_watched_is_no_longer_low),
         cmocka_unit_test(a_session_that_opens_while_the_wheels_turn_is_ready_only_when_they_stand),
         cmocka_unit_test_setup(stop_ends_driving_at_once_and_is_ready_when_the_wheels_stand, driving),
         cmocka_unit_test_setup(a_stopping_robot_may_be_driven_on, driving),

@@ -7,8 +7,10 @@ from dataclasses import dataclass
 import pytest
 from board_bench import Bench, MakeBoard, Wheel
 
+from host.link.parameters import Param
 from host.link.protocol import Fault, State
 from host.sim.board import Board, Side
+from host.sim.eeprom import image
 
 OFF = (0.0, 0.0)
 
@@ -64,13 +66,13 @@ def robot(board: Board, broken: str = "", sides: tuple[Side, ...] = tuple(Side))
 
 def ms_until_off(bench: Bench, v_mm_s: int, omega_mrad_s: int = 0) -> int:
     """Drive until the robot turns its motors off; says when."""
-    for ms in range(2000):
+    for ms in range(6000):
         if ms % 50 == 0:
             bench.tell(bench.drive(v_mm_s, omega_mrad_s))
         bench.run_ms(1)
         if ms > 20 and bench.duties == OFF:
             return ms + 1
-    pytest.fail("nothing was noticed in 2 s")
+    pytest.fail("nothing was noticed in 6 s")
 
 
 def fault_told(bench: Bench) -> Fault:
@@ -112,6 +114,17 @@ def test_blocked_wheels_are_noticed_in_500_ms(make_board: MakeBoard, v_mm_s: int
         wheel.broken = "blocked"  # type: ignore[attr-defined]
     assert ms_until_off(bench, v_mm_s) <= 500
     assert fault_told(bench) == Fault.STALL
+
+
+@pytest.mark.parametrize("v_mm_s", [50, 90])
+@pytest.mark.parametrize("limit", [0, 4000])
+def test_gains_too_small_to_move_a_wheel_do_not_hide_dead_encoders(
+    make_board: MakeBoard, limit: int, v_mm_s: int
+) -> None:
+    bench = robot(make_board(0, image({Param.INTEGRAL_LIMIT: limit})), "dead")
+    ms = ms_until_off(bench, v_mm_s)
+    assert fault_told(bench) == Fault.STALL
+    assert 0.001 * ms * v_mm_s < 250  # mm that it was told to go
 
 
 def test_sound_wheels_are_not_found_fault_with(make_board: MakeBoard) -> None:

@@ -149,6 +149,7 @@ std::vector<OutlineAnswer> OutlineMethod::answers(const FrameView& frame, Path& 
         }
         state[r].rho = std::max(start[r].rho, 1e-6);
     }
+    for (const std::int64_t id : frame.changed) whole_.erase(id);  // it is no longer the thing it was
     std::erase_if(whole_, [&](const auto& w) { return present - w.second.frame > REMEMBERED_FRAMES; });
     if (clarity_.size() > 4 * n + 64) std::erase_if(clarity_, [&](const auto& c) { return present - c.second.frame > 60; });
 
@@ -281,6 +282,8 @@ OutlineAnswer OutlineMethod::answer(const RegionView& region, const RegionFit& f
                       : chi2 > FACE_CHI2 && slant > FACE_SLANT && may_be_one_face(region.loops.front());
     const double width = std::sqrt(std::max(region.area_px, 1.0)) / camera_.focal();  // w / Z
     double noise, model = square(config_.model_share);
+    Whole whole{};
+    bool known_whole = false;
     if (out.slanted) {
         const double rho = fit.tilted.rho;
         out.slope = slope;
@@ -293,11 +296,11 @@ OutlineAnswer OutlineMethod::answer(const RegionView& region, const RegionFit& f
     } else {
         out.silhouette_cm = 1 / fit.level.rho;
         const Relief relief = relief_of(region.loops.front(), cut);
-        Whole whole{present, relief.k * width * out.silhouette_cm, relief.sigma_k * width * out.silhouette_cm};
-        if (!cut) whole_[region.id] = whole;
-        else if (const auto it = whole_.find(region.id); it != whole_.end()) {
+        whole = {present, relief.k * width * out.silhouette_cm, relief.sigma_k * width * out.silhouette_cm};
+        if (const auto it = whole_.find(region.id); cut && it != whole_.end()) {
             whole = it->second;
-            it->second.frame = present;
+            whole.frame = present;
+            known_whole = true;
         }
         out.surface.depth_cm = out.silhouette_cm - whole.offset_cm;
         noise = fit.level_variance / square(fit.level.rho);
@@ -307,10 +310,12 @@ OutlineAnswer OutlineMethod::answer(const RegionView& region, const RegionFit& f
     // what is cut goes on beyond the outline that shows its depth
     const double beyond = cut ? BEYOND_SLANT * length(fit.centre) / camera_.focal() : 0.0;
     const double relative = std::sqrt(noise + model + square(beyond) + square(coherent) + square(lost) + square(shape.travel_sigma));
-    if (!(relative < config_.max_relative_sigma)) {
+    if (!(relative < config_.max_relative_sigma) || !(out.surface.depth_cm > 0)) {
         out.silhouette_cm = 0.0, out.slanted = false;
         return no(percent("too uncertain", relative));
     }
+    if (out.slanted && !cut) whole_.erase(region.id);
+    if (!out.slanted && (!cut || known_whole)) whole_[region.id] = whole;
     out.surface.sigma_cm = relative * out.surface.depth_cm;
     out.surface.sensitivity = fit.shift_px / shape.baseline_cm;
     return out;
