@@ -35,7 +35,7 @@ def test_a_region_that_has_merged_keeps_nothing_of_the_ball_it_was():
     estimator, path = Estimator(LENS, DepthConfig()), ahead(100, 60.0)
     for pose in path[:40]:
         estimator.update(before.look(pose), pose)
-    merged = (Event(kind="merge", seq=40, id=8, parent=7),)
+    merged = (Event(kind="merge", id=8, parent=7),)
     for n, pose in enumerate(path[40:80]):
         snapshot = after.look(pose, merged if n == 0 else ())
         found = estimator.update(snapshot, pose).regions[7]
