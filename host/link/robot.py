@@ -335,9 +335,10 @@ class Robot:
             A speed is no number or beyond the protocol's range (32.767 m/s, 32.767 rad/s).
         """
         self._session()
-        if not (math.isfinite(v_mm_s) and math.isfinite(omega_rad_s)):
+        omega_mrad_s = omega_rad_s * 1000
+        if not (math.isfinite(v_mm_s) and math.isfinite(omega_mrad_s)):
             raise ValueError(f"no speed to drive at: {v_mm_s} mm/s, {omega_rad_s} rad/s")
-        self._give(Drive(round(v_mm_s), round(omega_rad_s * 1000), self._deadline_us(self._clock.now_s())))
+        self._give(Drive(round(v_mm_s), round(omega_mrad_s), self._deadline_us(self._clock.now_s())))
 
     def stop(self, how: StopHow = StopHow.BRAKE) -> None:
         """Brake to a standstill, or roll out with `how` COAST; ends a move."""
@@ -354,16 +355,26 @@ class Robot:
 
     def _give(self, message: Drive | Stop | EStop) -> None:
         """Send what replaces all that was wanted before; `poll` repeats it if it gets lost."""
+        encode(message, 0)  # ValueError now, and what the robot is doing goes on
         if self._errand is not None:
             self._errand.withdraw()
-        seq = self._seq
+        self._order = None
+        self._skip_seq_of_old_drive(message)
+        now_s, seq = self._clock.now_s(), self._seq
         self._send(message)
-        self._order = Order(message, self._clock.now_s(), seq)
+        if self._hello is not None:  # without a session nobody polls, and nothing tells that it arrived
+            self._order = Order(message, now_s, seq, self._robot_clock.mcu_time_us(now_s))
 
     def _serve_order(self, now_s: float) -> None:
         if self._order is not None and self._order.is_due(now_s):
+            self._skip_seq_of_old_drive(self._order.message)
             self._order.sent(now_s, self._seq)
             self._send(self._order.message)
+
+    def _skip_seq_of_old_drive(self, message: Drive | Stop | EStop) -> None:
+        """Telemetry goes on showing the DRIVE of 256 messages ago, whose number must not seem this one's."""
+        if isinstance(message, Drive) and self.latest is not None and self.latest.drive_seq == self._seq:
+            self._ping()
 
     # --- Requests: done once or not at all ------------------------------------------------------
 
@@ -473,7 +484,6 @@ class Robot:
         if not (math.isfinite(way) and math.isfinite(speed) and speed >= 1.0):
             raise ValueError(f"no way to go: {way} mm or mrad at {speed} a second")
         units, pace = round(way), round(speed)
-        encode(kind(nonce, 0, units, pace, 0), 0)  # ValueError now, not in some later poll
         return self._begin(
             lambda number, expires_us: kind(nonce, number, units, pace, expires_us), is_move=True
         )
@@ -481,6 +491,7 @@ class Robot:
     def _begin(self, make: Callable[[int, int], Request], *, is_move: bool) -> Errand:
         if self._errand is not None and self._errand.result is None:
             raise DeviceError("the last request is not over yet: wait for it")
+        encode(make(0, 0), 0)  # ValueError now, not in every later poll
         number = self.latest.request if self.latest is not None else 0
         if self._errand is not None and (self._errand.number - number) & 0xFFFF < 1 << 15:
             number = self._errand.number  # it was never taken; a late copy of it must not be this one

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import getpass
 import os
+import termios
 
 import serial
 
 from host.errors import DeviceError
 from host.link.protocol import BAUD
 
+GONE = (errno.EIO, errno.ENXIO, errno.ENODEV)
 WRITE_TIMEOUT_S = 0.1  # a frame takes 1 ms; a line blocked for longer is a broken one
 
 
@@ -27,8 +30,12 @@ class SerialPort:
         self._path = path
         try:
             self._port = serial.Serial(path, BAUD, timeout=0, write_timeout=WRITE_TIMEOUT_S, exclusive=True)
+        except (OSError, ValueError, termios.error) as error:
+            raise DeviceError(why_not_open(path, error)) from None
+        try:
             self._port.reset_input_buffer()
-        except (OSError, ValueError) as error:
+        except (OSError, termios.error) as error:
+            self.close()
             raise DeviceError(why_not_open(path, error)) from None
 
     def write(self, data: bytes) -> None:
@@ -37,27 +44,29 @@ class SerialPort:
             self._port.write(data)
         except serial.SerialTimeoutException:
             raise DeviceError(f"{self._path} takes no more bytes: check the cable, then reconnect") from None
-        except OSError as error:
+        except (OSError, termios.error) as error:
             raise self._lost(error) from None
 
     def read(self) -> bytes:
         """What has arrived, without waiting."""
         try:
             return self._port.read(self._port.in_waiting)
-        except OSError as error:
+        except (OSError, termios.error) as error:
             raise self._lost(error) from None
 
     def close(self) -> None:
         """Close the port."""
-        self._port.close()
+        with contextlib.suppress(OSError, termios.error):  # one that is gone is as good as closed
+            self._port.close()
 
-    def _lost(self, error: OSError) -> DeviceError:
+    def _lost(self, error: Exception) -> DeviceError:
         return DeviceError(f"{self._path} is gone ({error}): plug the robot in again, then reconnect")
 
 
 def why_not_open(path: str, error: Exception) -> str:
     """What an error from opening a port means, and what to do about it."""
-    number = getattr(error, "errno", None)
+    # termios.error is no OSError, and has its number in its arguments alone.
+    number = error.args[0] if isinstance(error, termios.error) else getattr(error, "errno", None)
     if number == errno.EACCES:
         user = getpass.getuser()
         return (
@@ -69,6 +78,8 @@ def why_not_open(path: str, error: Exception) -> str:
         return f"{path} does not exist: {remedy}"
     if number in (errno.EBUSY, errno.EAGAIN):
         return f"{path} is in use: close the other program that has it open"
+    if number in GONE:
+        return f"{path} went away while it was opened: check the plug, then try again"
     return f"{path} is no serial port that can be opened: name the robot's, such as /dev/ttyACM0"
 
 

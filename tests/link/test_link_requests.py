@@ -254,6 +254,16 @@ def test_a_parameter_out_of_range_is_not_sent():
     assert heard(board, ParamWrite) == []
 
 
+def test_a_parameter_that_is_no_whole_number_is_refused_here_and_the_session_goes_on():
+    robot, board, clock = connected()
+    with pytest.raises(ValueError):
+        robot.write_param(Param.UM_PER_COUNT_LEFT, 5000.5)  # type: ignore[arg-type]
+    look(robot, clock, 0.1)
+    robot.write_param(Param.UM_PER_COUNT_LEFT, 5001)
+    (write,) = heard(board, ParamWrite)
+    assert isinstance(write, ParamWrite) and write.value == 5001
+
+
 def test_a_parameter_is_refused_while_driving_and_the_reason_is_told():
     robot, board, clock = connected()
     robot.drive(100, 0)

@@ -13,6 +13,7 @@ from host.link.protocol import (
     Clear,
     Drive,
     EStop,
+    Fault,
     Message,
     Nack,
     Refusal,
@@ -211,6 +212,74 @@ def test_an_emergency_stop_that_was_lost_thrice_is_repeated_until_telemetry_show
     look(robot, clock, 0.1)
     assert len(commands(board, EStop)) == 1
     assert board.state == State.FAULT
+
+
+@pytest.mark.parametrize("start", [lambda robot: robot.move(1000), lambda robot: robot.drive(300, 0)])
+def test_a_stop_that_was_lost_just_after_the_start_is_repeated_though_the_robot_stood_before(start):
+    robot, board, clock = connected()
+    look(robot, clock, 3.0)
+    clock.sleep_s(0.01)  # telemetry of a robot that stands waits to be read
+    start(robot)
+    write, board.write = board.write, lambda data: None  # type: ignore[method-assign]
+    robot.stop()
+    board.write = write  # type: ignore[method-assign]
+    look(robot, clock, 0.05)
+    assert commands(board, Stop) == [Stop()]
+    assert board.state == State.READY
+
+
+def test_an_emergency_stop_that_was_lost_is_repeated_though_another_fault_is_latched():
+    robot, board, clock = lossy(ESTOP_COPIES)
+    board.latch(Fault.LINK_LOST)
+    clock.sleep_s(0.01)
+    robot.estop()
+    look(robot, clock, 0.1)
+    assert commands(board, EStop) == [EStop()]
+    assert board.fault == Fault.ESTOP_FRAME
+
+
+def test_orders_are_sent_once_on_a_good_line():
+    robot, board, clock = connected()
+    look(robot, clock, 3.0)
+    robot.drive(300, 0)
+    look(robot, clock, 0.1)
+    robot.stop()
+    look(robot, clock, 0.2)
+    robot.estop()
+    look(robot, clock, 0.2)
+    assert [len(commands(board, kind)) for kind in (Drive, Stop, EStop)] == [1, 1, ESTOP_COPIES]
+
+
+def test_a_setpoint_that_was_lost_is_not_taken_for_the_one_of_256_messages_ago():
+    robot, board, clock = connected()
+    look(robot, clock, 0.1)
+    robot.drive(100, 0)
+    look(robot, clock, 0.05)
+    robot.stop()
+    look(robot, clock, 0.1)
+    while robot._seq != board.telemetry(clock.now_s()).drive_seq:  # 255 other messages
+        robot.clear()
+    look(robot, clock, 0.02)
+    while robot._seq != board.telemetry(clock.now_s()).drive_seq:
+        robot.clear()
+    write = board.write
+    board.write = lambda data: None if data[2] == Drive.ID else write(data)  # type: ignore[method-assign]
+    robot.drive(200, 0)
+    board.write = write  # type: ignore[method-assign]
+    look(robot, clock, 0.1)
+    assert [drive.v_mm_s for drive in commands(board, Drive) if isinstance(drive, Drive)] == [100, 200]
+
+
+@pytest.mark.parametrize("speeds", [(math.nan, 0), (40_000, 0), (0, 33), (0, 1e308)])
+def test_a_setpoint_that_is_refused_here_leaves_a_move_running(speeds: tuple[float, float]):
+    robot, board, clock = connected()
+    errand = robot.move(300)
+    look(robot, clock, 0.1)
+    with pytest.raises(ValueError):
+        robot.drive(*speeds)
+    look(robot, clock, 0.5)
+    assert errand.result is not None and errand.result.done
+    assert board.fault == Fault.NONE
 
 
 def test_noise_in_a_pause_costs_no_command():

@@ -6,6 +6,7 @@ import contextlib
 import errno
 import getpass
 import os
+import termios
 import time
 import tty
 from pathlib import Path
@@ -93,6 +94,33 @@ def test_an_unplugged_port_is_said_to_be_gone(line):
     os.close(far)
     with pytest.raises(DeviceError, match=r"is gone .*: plug the robot in again"):
         port.read()
+    port.close()
+
+
+def refuse(*_: object) -> None:
+    raise termios.error(errno.EIO, "Input/output error")
+
+
+def test_a_port_that_goes_while_it_is_opened_is_said_to_and_not_held(line, monkeypatch: pytest.MonkeyPatch):
+    _, path = line
+    open_files = len(os.listdir("/proc/self/fd"))
+    with monkeypatch.context() as patch:
+        patch.setattr(termios, "tcflush", refuse)
+        with pytest.raises(DeviceError, match="went away while it was opened: check the plug"):
+            SerialPort(path)
+    assert len(os.listdir("/proc/self/fd")) == open_files
+    SerialPort(path).close()
+
+
+@pytest.mark.parametrize(
+    ("method", "act"), [("read", lambda port: port.read()), ("write", lambda port: port.write(b"x"))]
+)
+def test_an_error_of_the_terminal_is_a_port_that_is_gone(line, monkeypatch: pytest.MonkeyPatch, method, act):
+    _, path = line
+    port = SerialPort(path)
+    monkeypatch.setattr(serial.Serial, method, refuse)
+    with pytest.raises(DeviceError, match=r"is gone .*: plug the robot in again"):
+        act(port)
     port.close()
 
 
