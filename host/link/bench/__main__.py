@@ -65,6 +65,8 @@ def run(measure: Callable[[Any], Any], options: Any) -> int:
     from host.link.bench.verdict import Grade
     from host.record.atomic import check_writable, write_whole
 
+    if None not in (options.json, options.html) and options.json.resolve() == options.html.resolve():
+        raise UsageError(f"--json and --html are both {options.json}: name two files")
     for path in (options.json, options.html):
         if path is not None:
             check_writable(path, folder=False)

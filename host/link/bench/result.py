@@ -7,7 +7,8 @@ import math
 import time
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from types import UnionType
+from typing import Any, Literal, get_args
 
 from host.errors import InputError
 from host.link.bench.verdict import Finding, Grade, Verdict
@@ -92,21 +93,56 @@ def read_result(path: Path) -> Result:
         told = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from None
-    except (UnicodeDecodeError, json.JSONDecodeError):
+    except (ValueError, RecursionError):
         raise InputError(f"{path}: is no JSON; name files written with --json") from None
     try:
-        if told["format"] != FORMAT:
-            raise KeyError
-        findings = tuple(
-            Finding(Grade[one["grade"].upper()], one["text"]) for one in told["verdict"]["findings"]
-        )
-        plots = [
-            Plot(**{**plot, "series": [Series(**series) for series in plot["series"]]})
-            for plot in told["plots"]
-        ]
-        return Result(
-            told["command"], told["robot"], told["settings"], told["columns"], told["rows"],
-            Verdict(findings), plots, told["details"], told["when"],
-        )  # fmt: skip
-    except (KeyError, TypeError):
+        return _result(told)
+    except (KeyError, TypeError, ValueError, OverflowError):
         raise InputError(f"{path}: is no result of the bench; name files written with --json") from None
+
+
+def _result(told: Any) -> Result:
+    """From what a file holds; KeyError, TypeError, ValueError or OverflowError where that is no result."""
+    if told["format"] != FORMAT:
+        raise ValueError("another format")
+    findings = tuple(
+        Finding(Grade[_a(str, one["grade"]).upper()], _a(str, one["text"]))
+        for one in _list(dict, told["verdict"]["findings"])
+    )
+    rows = [_list(str | int | float | None, row) for row in _list(list, told["rows"])]
+    return Result(
+        _a(str, told["command"]), _a(str, told["robot"]), _a(dict, told["settings"]),
+        _list(str, told["columns"]), rows, Verdict(findings),
+        [_plot(one) for one in _list(dict, told["plots"])],
+        _a(dict, told["details"]), _a(str, told["when"]),
+    )  # fmt: skip
+
+
+def _plot(told: dict[str, Any]) -> Plot:
+    series = [Series(**one) for one in _list(dict, told["series"])]
+    plot = Plot(**{**told, "series": series})
+    for text in (plot.title, plot.x_label, plot.y_label, *_list(str, plot.ticks)):
+        _a(str, text)
+    _a(bool, plot.log_x)
+    _a(bool, plot.log_y)
+    _a(int | float | None, plot.limit)
+    if plot.kind not in get_args(Kind):
+        raise ValueError("no kind of plot")
+    for one in series:
+        _a(str, one.name)
+        edges = 1 if plot.kind == "histogram" else 0
+        if len(_list(int | float | None, one.x)) != len(_list(int | float | None, one.y)) + edges:
+            raise ValueError("points with one coordinate")
+    return plot
+
+
+def _a(kind: type | UnionType, value: Any) -> Any:
+    if not isinstance(value, kind):
+        raise TypeError
+    if isinstance(value, int):
+        float(value)  # OverflowError for one that no plot and no table has room for
+    return value
+
+
+def _list(kind: type | UnionType, value: Any) -> list[Any]:
+    return [_a(kind, one) for one in _a(list, value)]

@@ -26,6 +26,7 @@ from host.link.bench.target import Target, check_wheels_up, open_target
 from host.link.bench.terminal import Advance, progress
 from host.link.bench.verdict import Finding, Grade, Verdict, judge
 from host.link.bench.witness import Evidence, Witness, without_rtt
+from host.link.explain import FAULTS
 from host.link.faults import Faults
 from host.link.parameters import Param
 from host.link.protocol import (
@@ -98,9 +99,15 @@ class Tally:
     saves: int = 0
     outcomes: Counter[str] = field(default_factory=Counter)  # of requests
     faults: Counter[str] = field(default_factory=Counter)  # latched
+    kept: Counter[str] = field(default_factory=Counter)  # why it was not ready, though cleared and waited for
     reconnections: int = 0
     violations: list[str] = field(default_factory=list)
     memory: list[tuple[float, int]] = field(default_factory=list)  # minutes, bytes
+
+    @property
+    def done(self) -> int:
+        """Requests that were."""
+        return sum(self.outcomes[f"{kind} done"] for kind in ("move", "write", "save"))
 
     def violate(self, text: str) -> None:
         """Something that must never happen."""
@@ -395,6 +402,9 @@ class _Traffic:
             else:
                 self.robot.stop()
                 ready_s = None
+        latest = self.robot.latest
+        if latest is not None:
+            self.tally.kept[(latest.state if latest.fault == Fault.NONE else latest.fault).name] += 1
         return False
 
     def _weigh(self, minutes: float) -> None:
@@ -437,7 +447,11 @@ def _result(options: SoakOptions, tally: Tally, witness: Witness, comparison: Co
         ]),
     ]  # fmt: skip
     settings = {"minutes": options.minutes, "seed": options.seed, "faults": options.faults}
-    told = vars(tally) | {"outcomes": dict(tally.outcomes), "faults": dict(tally.faults)}
+    told = vars(tally) | {
+        "outcomes": dict(tally.outcomes),
+        "faults": dict(tally.faults),
+        "kept": dict(tally.kept),
+    }
     details = {"evidence": without_rtt(evidence), "tally": told}
     return Result(
         "soak", options.robot, settings, ["what", "count"], rows,
@@ -453,11 +467,27 @@ def _verdict(options: SoakOptions, tally: Tally, evidence: Evidence, grown: int)
         findings = [Finding(Grade.UNSAFE, f"Unsafe: {text}.") for text in tally.violations]
     if grown > MEMORY_GROWS:
         findings.append(Finding(Grade.FAULTY, f"This program's memory grew by {grown / 1000:.0f} kB."))
+    findings += _idle(tally)
     if not findings:
-        done = sum(count for name, count in tally.outcomes.items() if name.endswith("done"))
         text = (
-            f"Healthy. {evidence.sent:,} frames in {options.minutes:g} minutes, {done} requests done exactly "
-            "once, never a wheel driven without a command."
+            f"Healthy. {evidence.sent:,} frames in {options.minutes:g} minutes, {tally.done} requests done "
+            "exactly once, never a wheel driven without a command."
         )
         findings.append(Finding(Grade.HEALTHY, text))
     return Verdict(tuple(sorted(findings, key=lambda finding: -finding.grade)))
+
+
+def _idle(tally: Tally) -> list[Finding]:
+    """Of a robot that did little or nothing, which proves little or nothing."""
+    findings = []
+    for name, count in tally.kept.most_common():
+        why = f"{name}: {FAULTS[Fault[name]]}" if name in Fault.__members__ else f"its state stays {name}"
+        times = "once" if count == 1 else f"{count} times"
+        findings.append(Finding(Grade.FAULTY, f"The robot could not be made ready, {times} ({why})."))
+    if not tally.done and not findings:
+        asked = tally.moves + tally.writes + tally.saves
+        text = (
+            f"None of {asked} requests was done." if asked else "No request was made: give it more minutes."
+        )
+        findings.append(Finding(Grade.FAULTY if asked else Grade.NOTE, text))
+    return findings

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
@@ -25,6 +26,7 @@ from host.link.bench.silences import Way, ways
 from host.link.bench.soak import SoakOptions, Tally, _Guard
 from host.link.bench.target import open_target
 from host.link.bench.verdict import Finding, Grade, Verdict
+from host.link.bench.witness import Evidence
 from host.sim.avr.board import ELF, LIBRARY
 
 BENCH = [sys.executable, "-m", "host.link.bench"]
@@ -120,6 +122,30 @@ def test_soak_holds_for_a_while_and_does_every_kind_of_thing() -> None:
     assert told["connected again"] > 0 and told["restarts of the robot"] > 0
     for name in ("drives", "moves and turns", "parameters written", "  move done", "  write done"):
         assert told[name] > 0, name
+
+
+def test_soak_is_not_healthy_where_a_fault_stays_and_names_it() -> None:
+    result = soak.run(SoakOptions(robot="sim:?battery_mv=3000", minutes=0.2))
+    assert result.verdict.grade == Grade.FAULTY
+    assert "could not be made ready" in result.verdict.text
+    assert "BATTERY_LOW: the battery is empty: charge it" in result.verdict.text
+
+
+@pytest.mark.parametrize(
+    ("tally", "grade", "text"),
+    [
+        (Tally(), Grade.NOTE, "No request was made: give it more minutes."),
+        (Tally(moves=3, outcomes=Counter({"lost, not done": 3})), Grade.FAULTY,
+         "None of 3 requests was done."),
+        (Tally(moves=1, kept=Counter({"MOVING": 1})), Grade.FAULTY,
+         "The robot could not be made ready, once (its state stays MOVING)."),
+        (Tally(moves=3, outcomes=Counter({"move done": 1})), Grade.HEALTHY,
+         "Healthy. 0 frames in 1 minutes, 1"),
+    ],
+)  # fmt: skip
+def test_soak_says_when_little_was_done(tally: Tally, grade: Grade, text: str) -> None:
+    verdict = soak._verdict(SoakOptions(), tally, Evidence(), 0)
+    assert verdict.grade == grade and verdict.text.startswith(text)
 
 
 def test_soaks_guard_notices_a_wheel_driven_without_a_command() -> None:
@@ -308,6 +334,45 @@ def test_a_file_that_is_no_result_is_said_to_be_none(tmp_path: Path, content: st
         read_result(path)
     with pytest.raises(InputError, match="cannot be read"):
         read_result(tmp_path / "none.json")
+
+
+@pytest.mark.parametrize(
+    ("where", "value"),
+    [
+        (("rows",), 3), (("rows", 0), 3), (("rows", 0, 0), [1]), (("rows", 0, 0), 10**400),
+        (("verdict",), []), (("verdict", "findings"), 3), (("verdict", "findings", 0), "x"),
+        (("verdict", "findings", 0, "grade"), 7), (("verdict", "findings", 0, "grade"), "splendid"),
+        (("verdict", "findings", 0, "text"), None), (("command",), 1), (("robot",), None), (("when",), 5),
+        (("settings",), []), (("columns",), "ab"), (("columns", 0), 1), (("details",), 1),
+        (("plots",), {}), (("plots", 0), 1), (("plots", 0, "kind"), "pie"), (("plots", 0, "kind"), []),
+        (("plots", 0, "title"), 1), (("plots", 0, "ticks"), 3), (("plots", 0, "limit"), "x"),
+        (("plots", 0, "log_x"), "x"), (("plots", 0, "more"), 1), (("plots", 0, "series"), 3),
+        (("plots", 0, "series", 0, "x"), 1), (("plots", 0, "series", 0, "y"), [1, 2]),
+        (("plots", 0, "series", 0, "y"), ["x"]), (("plots", 0, "series", 0, "name"), 1),
+    ],
+)  # fmt: skip
+def test_a_damaged_result_is_said_to_be_none(
+    tmp_path: Path, where: tuple[str | int, ...], value: object
+) -> None:
+    plot = Plot("t", "bars", "x", "y", [Series("s", [0.0], [1.5])], limit=2.0, ticks=["one"])
+    verdict = Verdict((Finding(Grade.NOTE, "told"),))
+    told = Result("cut", "sim:", {}, ["a"], [["x"]], verdict, [plot]).as_dict()
+    inner = told
+    for key in where[:-1]:
+        inner = inner[key]  # type: ignore[index]
+    inner[where[-1]] = value  # type: ignore[index]
+    path = tmp_path / "x.json"
+    path.write_text(json.dumps(told))
+    with pytest.raises(InputError, match="is no result of the bench"):
+        main(["report", str(path), "--html", str(tmp_path / "x.html")])
+
+
+def test_a_result_and_its_page_do_not_go_into_one_file(tmp_path: Path) -> None:
+    path = tmp_path / "both"
+    with pytest.raises(UsageError, match=r"--json and --html are both .*both: name two files"):
+        options = EchoOptions(json=path, html=tmp_path / "." / "x" / ".." / "both")
+        run(lambda options: pytest.fail("measured"), options)
+    assert not path.exists()
 
 
 def test_results_come_back_from_json_as_they_were(tmp_path: Path) -> None:
