@@ -8,6 +8,7 @@ stand. At the end squares driven with the new parameters show what became better
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -35,6 +36,7 @@ SETTLED_S = 0.3  # standing for so long, the robot rolls no further
 RUN_UP_S = 1.2  # to even speed
 MEASURED_S = 1.0  # at it
 SPEED_SHARES = (0.2, 0.4, 0.6, 0.8)  # of the fastest
+PUT_BACK_S = 3.0  # for the robot to rest, or to be heard again, before its old parameters are written
 STRAIGHTS = 2
 WANTED_MM = 10.0  # to which a centre of gravity should be known
 SIZE_STEPS = 5  # um per count either way in which whole numbers are sought that keep the ratio
@@ -92,9 +94,27 @@ class Calibrator:
         self.robot, self.clock, self.tape, self.options = robot, clock, tape, options
         self.values = robot.read_params()
         self.result = Calibration(dict(self.values))
+        self._touched: set[Param] = set()  # what may differ from before, written or on its way
 
     def run(self, advance: Callable[[float], None] = lambda amount: None) -> Calibration:
-        """All of it; `advance` is told of each of `steps` when it is done."""
+        """All of it; `advance` is told of each of `steps` when it is done.
+
+        What ends it early, Ctrl-C too, leaves the robot with the parameters that it had before.
+        """
+        try:
+            result = self._measure(advance)
+        except BaseException:
+            self._put_back()
+            raise
+        if self.options.save:
+            self.robot.save_params()
+        told = self.robot.read_params()
+        for param, value in result.parameters.items():
+            if told[param] != value:
+                raise DeviceError(f"the robot has {param.name} = {told[param]}, not {value} as was written")
+        return result
+
+    def _measure(self, advance: Callable[[float], None]) -> Calibration:
         options, result = self.options, self.result
         starts = self.motors(advance)
         straights = [self.straight(advance) for _ in range(STRAIGHTS)]
@@ -117,13 +137,35 @@ class Calibrator:
         result.before = benchmark(_returns(checks, old))
         result.after = benchmark(_returns(checks, self.sizes))
         result.squares_closed_mm = [math.hypot(one.ahead_mm, one.right_mm) for one, _ in checks]
-        if options.save:
-            self.robot.save_params()
-        told = self.robot.read_params()
-        for param, value in result.parameters.items():
-            if told[param] != value:
-                raise DeviceError(f"the robot has {param.name} = {told[param]}, not {value} as was written")
         return result
+
+    def _put_back(self) -> None:
+        """Write the old parameters, if the robot still listens; say on stderr how that went."""
+        if not self._touched:
+            return
+        try:
+            if not self.robot.connected:
+                self.robot.reconnect(PUT_BACK_S)
+            self.robot.stop()
+            self._rest()
+            for param in sorted(self._touched):
+                self.robot.write_param(param, self.result.parameters_before[param])
+        except DeviceError as error:
+            names = ", ".join(param.name for param in sorted(self._touched))
+            text = f"the robot keeps unfinished values of {names} until its next start: restart it ({error})"
+        else:
+            text = "the robot has the parameters that it had before"
+        print(text, file=sys.stderr)
+
+    def _rest(self) -> None:
+        """Wait until parameters may be written: it stands, with a fault or without, and nothing is open."""
+        rested_s, give_up_s = 0.0, self.clock.now_s() + PUT_BACK_S
+        while rested_s < 2 * SETTLED_S and self.clock.now_s() < give_up_s:
+            self.clock.sleep_s(LOOK_S)
+            self.robot.poll()
+            latest = self.robot.latest
+            rests = latest is not None and latest.state in (State.READY, State.FAULT)
+            rested_s = rested_s + LOOK_S if rests else 0.0
 
     @property
     def steps(self) -> int:
@@ -261,6 +303,7 @@ class Calibrator:
             )
         self._stand()
         if self.values[param] != value:
+            self._touched.add(param)
             self.robot.write_param(param, value)
         self.values[param] = value
         if self.result.parameters_before[param] != value or param in self.result.parameters:

@@ -5,18 +5,20 @@ from __future__ import annotations
 import json
 import math
 import random
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from host.calibrate import tape
+from host.calibrate import tape, wheels
 from host.calibrate.__main__ import main
 from host.calibrate.tape import PersonWithTape, SimulatedTape
 from host.calibrate.wheels import Calibration, WheelsOptions, calibrate, sentences
 from host.errors import DeviceError, UsageError
-from host.link.parameters import Param
+from host.link.parameters import PARAMETERS, Param
+from host.link.requests import Errand
 from host.link.robot import Robot
-from host.sim.rolling import open_rolling, parse_uri
+from host.sim.rolling import RollingRobot, open_rolling, parse_uri
 
 
 def hidden(seed: int) -> str:
@@ -108,6 +110,94 @@ def test_parameters_that_are_not_saved_are_gone_after_a_restart() -> None:
     with Robot(rolling.line(), rolling.clock) as robot:
         robot.connect()
         assert robot.read_param(Param.UM_PER_COUNT_LEFT) == 5000
+
+
+class _Interrupted(SimulatedTape):
+    """A person who ends it when asked for the fourth way, with the wheels' coarse sizes written."""
+
+    ways = 0
+    how: Callable[[], None]
+
+    def read(self) -> tuple[float, float]:
+        self.ways += 1
+        if self.ways == 4:
+            type(self).how()
+        return super().read()
+
+
+def _ctrl_c() -> None:
+    raise KeyboardInterrupt
+
+
+def _gone() -> None:
+    raise DeviceError("the tape broke")
+
+
+@pytest.fixture
+def interrupted(monkeypatch: pytest.MonkeyPatch):
+    """Calibrates a robot until `how` happens; gives the robot, simulated."""
+
+    def begin(how: Callable[[RollingRobot], None], error: type[BaseException]) -> RollingRobot:
+        rolling = open_rolling("sim:?wheels=2&seed=1")
+        monkeypatch.setattr(_Interrupted, "how", lambda: how(rolling), raising=False)
+        monkeypatch.setattr(wheels, "SimulatedTape", _Interrupted)
+        with pytest.raises(error):
+            calibrate(WheelsOptions(side_mm=500.0, straight_mm=500.0, runs=1, checks=1), rolling)
+        return rolling
+
+    return begin
+
+
+def parameters(rolling: RollingRobot) -> dict[Param, int]:
+    with Robot(rolling.line(), rolling.clock) as robot:
+        robot.connect()
+        return robot.read_params()
+
+
+@pytest.mark.parametrize(("how", "error"), [(_ctrl_c, KeyboardInterrupt), (_gone, DeviceError)])
+def test_what_ends_it_early_leaves_the_robot_as_it_was(
+    interrupted, capsys: pytest.CaptureFixture[str], how: Callable[[], None], error: type[BaseException]
+) -> None:
+    rolling = interrupted(lambda _: how(), error)
+    assert parameters(rolling) == {param: known.default for param, known in PARAMETERS.items()}
+    assert "the robot has the parameters that it had before" in capsys.readouterr().err
+
+
+def test_ctrl_c_on_the_way_leaves_the_robot_as_it_was(monkeypatch: pytest.MonkeyPatch) -> None:
+    written = []
+
+    def write(self: Robot, param: Param, value: int) -> None:
+        write_param(self, param, value)
+        written.append((param, value))
+
+    def move(self: Robot, *arguments: float) -> Errand:
+        errand = begin_move(self, *arguments)
+        if written and len(written) < 4:  # sizes, and no motors yet
+            monkeypatch.setattr(Robot, "move", begin_move)
+            raise KeyboardInterrupt
+        return errand
+
+    write_param, begin_move = Robot.write_param, Robot.move
+    monkeypatch.setattr(Robot, "write_param", write)
+    monkeypatch.setattr(Robot, "move", move)
+    rolling = open_rolling("sim:?wheels=2&seed=1")
+    with pytest.raises(KeyboardInterrupt):
+        calibrate(WheelsOptions(side_mm=500.0, straight_mm=500.0, runs=1, checks=1), rolling)
+    assert any(value != PARAMETERS[param].default for param, value in written)
+    assert parameters(rolling) == {param: known.default for param, known in PARAMETERS.items()}
+
+
+def test_a_robot_that_cannot_be_given_its_old_parameters_is_said_to_keep_the_new(
+    interrupted, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def unplug(rolling: RollingRobot) -> None:
+        rolling.board.read = lambda: b""  # type: ignore[attr-defined]
+        raise KeyboardInterrupt
+
+    interrupted(unplug, KeyboardInterrupt)
+    told = capsys.readouterr().err
+    assert "the robot keeps unfinished values of UM_PER_COUNT_LEFT, UM_PER_COUNT_RIGHT" in told
+    assert "until its next start: restart it" in told
 
 
 def test_a_robot_that_stops_itself_is_not_calibrated() -> None:
