@@ -58,4 +58,5 @@ class Order:
             arrived = message.state not in (State.DRIVING, State.MOVING)
         else:
             arrived = message.fault in (Fault.ESTOP_FRAME, Fault.ESTOP_BUTTON)  # it replaces others
-        self._open = self._open and not arrived
+        # On a slow line a robot may begin late what was sent before a lost STOP: its latest word counts.
+        self._open = (self._open or isinstance(self.message, Stop)) and not arrived

@@ -228,6 +228,19 @@ def test_a_stop_that_was_lost_just_after_the_start_is_repeated_though_the_robot_
     assert board.state == State.READY
 
 
+def test_a_stop_that_was_lost_on_a_slow_line_is_repeated_when_the_robot_begins_to_move():
+    for k in range(10):
+        robot, board, clock = connected(delay_s=0.015)
+        look(robot, clock, 0.5)
+        clock.sleep_s(0.001 * k)
+        robot.move(1000)
+        write, board.write = board.write, lambda data: None  # type: ignore[method-assign]
+        robot.stop()
+        board.write = write  # type: ignore[method-assign]
+        look(robot, clock, 0.3)
+        assert board.fault == Fault.NONE and commands(board, Stop)
+
+
 def test_an_emergency_stop_that_was_lost_is_repeated_though_another_fault_is_latched():
     robot, board, clock = lossy(ESTOP_COPIES)
     board.latch(Fault.LINK_LOST)
