@@ -126,7 +126,15 @@ def main() -> int:
 
             wall_s = max(options.max_time, LONGEST_WALL_S)
             log, code = drive(
-                rig.camera, rig.robot, rig.clock, pilot, config.nav, options.max_time, wall_s, on_view
+                rig.camera,
+                rig.robot,
+                rig.clock,
+                pilot,
+                config.nav,
+                options.max_time,
+                wall_s,
+                on_view,
+                bound_for=not (options.explore or options.measure_only),
             )
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # the motors stand; what is left takes a second
         result = {
@@ -148,16 +156,26 @@ def main() -> int:
 
 
 def _joined_goals(arguments: list[str]) -> list[str]:
-    """``--goal -50,200 0,300`` as ``--goal=-50,200 0,300``, which cannot be mistaken for options."""
+    """``--goal -50,200 --goal 0,300`` as ``--goal=-50,200 0,300``, which cannot be mistaken for options."""
     out: list[str] = []
+    goals: list[str] = []
+    before = ""
     for argument in arguments:
-        if out and out[-1] == "--goal":
-            out[-1] = f"--goal={argument}"
-        elif out and out[-1].startswith("--goal=") and re.fullmatch(r"[-+.\d]+,[-+.\d]+", argument):
-            out[-1] += f" {argument}"
+        if before == "--goal":
+            goals.append(argument)
+        elif argument.startswith("--goal="):
+            goals.append(argument.removeprefix("--goal="))
+        elif before == "goals" and re.fullmatch(r"(?!--)[^,\s]+,[^,\s]+", argument):
+            goals.append(argument)
         else:
-            out.append(argument)
-    return out
+            if argument != "--goal":
+                out.append(argument)
+            before = argument
+            continue
+        before = "goals"
+    if before == "--goal":
+        out.append("--goal")  # without a value, which is told
+    return [*out, f"--goal={' '.join(goals)}"] if goals else out
 
 
 class Ticker:
@@ -214,6 +232,7 @@ def _summary_rows(result: dict[str, Any]) -> list[tuple[str, str]]:
         ("distance", number(result["distance_cm"], "cm", 0)),
         ("closest approach", number(result["min_clearance_cm"], "cm")),
         ("collisions", "not known" if result["collisions"] is None else str(result["collisions"])),
+        *([("run into by others", str(result["run_into"]))] if result["run_into"] else []),
         ("final pose off by", "not known" if error is None else number(error["position_cm"], "cm")),
     ]
     for name, part in (("of things", depth and depth["things"]), ("with walls and floor", depth)):

@@ -42,6 +42,7 @@ def drive(
     max_time_s: float,
     max_wall_s: float,
     on_view: Callable[[View, DriveLog], None],
+    bound_for: bool = True,
 ) -> tuple[DriveLog, int]:
     """Drive until something ends it; the motors are stopped before anything else happens then.
 
@@ -53,6 +54,7 @@ def drive(
     max_time_s : by the clock given.
     max_wall_s : by the wall's, against a simulation that is slow on this machine.
     on_view : told of every frame that was driven on.
+    bound_for : there is a place to get to; running out of time then means not to be there.
 
     Returns
     -------
@@ -62,6 +64,7 @@ def drive(
     trip = _Trip(camera, robot, clock, pilot, config, log, on_view)
     begin_s, begin_wall_s = clock.now_s(), time.monotonic()
     code = EXIT_DONE
+    late = "not there after" if bound_for else "ended after"
     try:
         trip.await_wheels()
         while True:
@@ -72,9 +75,9 @@ def drive(
                     raise
                 trip.reconnect(begin_s)
             if clock.now_s() - begin_s >= max_time_s:
-                raise _Ended("timeout", f"not there after {max_time_s:g} s")
+                raise _Ended("timeout", f"{late} {max_time_s:g} s")
             if time.monotonic() - begin_wall_s >= max_wall_s:
-                raise _Ended("timeout", f"not there after {max_wall_s:g} s of real time: the machine is slow")
+                raise _Ended("timeout", f"{late} {max_wall_s:g} s of real time: the machine is slow")
     except _Ended as end:
         stop_motors(robot)
         log.end(end.outcome, end.reason)

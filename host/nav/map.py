@@ -17,7 +17,7 @@ from host.depth.report import DepthReport
 from host.nav.config import BodyConfig, NavConfig
 from host.nav.floor import NO_REGION, STEP_PX, FloorFinder, label_image, rays_of
 from host.nav.odometry import heading_of
-from host.nav.stand import SURE, Feet, Standing, stand_of, usable_depth
+from host.nav.stand import AT_BORDER, SURE, Feet, Standing, stand_of, usable_depth
 from host.pose import Pose
 from host.rbdn.snapshot import Snapshot
 
@@ -70,6 +70,11 @@ class ObstacleMap:
     # ---- asking ----
 
     @property
+    def half_cm(self) -> float:
+        """How far the grid reaches from the start on every side."""
+        return self._half
+
+    @property
     def occupied(self) -> np.ndarray:
         return self.evidence > OCCUPIED
 
@@ -116,7 +121,11 @@ class ObstacleMap:
             if self.floor.is_floor(region.id) or self.floor.is_mixed(region.id):
                 continue
             found = stand_of(region, report, feet, labels, self._front_cm.get(region.id))
-            if found is None or (found.how == "at the lower border" and self._remembers(found, feet, pose)):
+            if found is None or (found.how == AT_BORDER and self._remembers(found, feet, pose)):
+                continue
+            if found.how == "foot" and (cut := found.where(feet.cut)) and self._remembers(cut, feet, pose):
+                if (rest := found.where(~feet.cut)) is not None:
+                    standing.append(rest)
                 continue
             standing.append(found)
             self._learn_front(found, report)
@@ -134,8 +143,8 @@ class ObstacleMap:
 
     def _remembers(self, standing: Standing, feet: Feet, pose: Pose) -> bool:
         """Whether something is known to be at least as near as the lower border there."""
-        middle = len(standing.columns) // 2
-        column, border = int(standing.columns[middle]), float(standing.depth_cm[middle])
+        column = int(standing.columns[len(standing.columns) // 2])
+        border = float(feet.depth_cm[column])
         depths = np.arange(0.0, border + self.config.cell_cm, self.config.cell_cm)
         return any(self.evidence[self.cell_of(*feet.point(pose, column, d))] > OCCUPIED for d in depths)
 
@@ -174,7 +183,7 @@ class ObstacleMap:
             shell = max(SHELL_CM, thing.sigma_cm)
             filled = (off > -min(half + 0.5 * thing.sigma_cm, 3 * half)) & (off < shell)
             presumed = (off >= shell) & (off < min(thing.width_cm(lens), DEEPEST_CM))
-            if thing.how == "at the lower border":
+            if thing.how == AT_BORDER:
                 filled, presumed = np.zeros(len(off), bool), filled | presumed
             presumed &= np.abs(before) < PRESUMED
             change[filled | presumed] = thing.weight

@@ -22,7 +22,10 @@ STEPS = [(dr, dc, math.hypot(dr, dc)) for dr in (-1, 0, 1) for dc in (-1, 0, 1) 
 
 @dataclass(frozen=True)
 class Room:
-    """How far each cell's centre is from the border of the nearest cell of a kind, (N, N) float32, cm."""
+    """How far each cell's centre is from the border of the nearest cell of a kind, (N, N) float32, cm.
+
+    What lies off the map counts as of either kind.
+    """
 
     to_filled: np.ndarray
     to_unseen: np.ndarray  # the nearest cell not known to be free, filled ones included
@@ -35,9 +38,8 @@ def room_around(obstacle_map: ObstacleMap) -> Room:
 
 
 def _distance(inside: np.ndarray, cell_cm: float) -> np.ndarray:
-    if inside.all():
-        return np.full(inside.shape, 1e6, np.float32)
-    return cv2.distanceTransform(inside.astype(np.uint8), cv2.DIST_L2, 5) * cell_cm - cell_cm / 2
+    padded = np.pad(inside.astype(np.uint8), 1)
+    return cv2.distanceTransform(padded, cv2.DIST_L2, 5)[1:-1, 1:-1] * cell_cm - cell_cm / 2
 
 
 @dataclass(frozen=True)

@@ -41,7 +41,7 @@ class LostAndFound:
 class DriveLog:
     """Grows while the robot drives; holds nothing but what the robot itself can know."""
 
-    outcome: str = "stopped"  # goal, blocked, timeout or stopped
+    outcome: str = "stopped"  # goal, explored, approached, blocked, timeout or stopped
     reason: str = "not begun"
     duration_s: float = 0.0
     distance_cm: float = 0.0

@@ -42,8 +42,8 @@ class Rig:
     def truth(self, log: DriveLog) -> dict[str, Any]:
         """The part of result.json that only the simulator knows; nulls elsewhere."""
         if self.score is None:
-            keys = ("collisions", "min_clearance_cm", "true_distance_cm", "final_pose_error", "depth_errors")
-            return {**dict.fromkeys(keys), "depths": None}
+            known = ("collisions", "run_into", "min_clearance_cm", "true_distance_cm")
+            return dict.fromkeys((*known, "final_pose_error", "depth_errors", "depths"))
         depths = [
             {
                 "t_s": round(s.t_s, 3),

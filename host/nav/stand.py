@@ -13,7 +13,7 @@ bulge as much towards the robot.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -32,6 +32,8 @@ HANGING = 0.6  # a thing whose outer feet are flatter than this part of its near
 MEAN_TO_FRONT = 0.15  # a thing's nearest point before its mean depth, in its widths
 FARTHEST_DEPTH_CM = 450.0
 LEAST_COLUMNS = 3
+CUT_PART = 0.25  # with a larger part of its feet below the image, the others are a thing's sides or slivers
+AT_BORDER = "at the lower border"  # it is there or nearer, and nothing says how much nearer
 SURE, FAIR, FAINT = 1.0, 0.5, 0.25  # log-odds a frame is worth: depth and foot agree; one alone; they do not
 
 
@@ -44,7 +46,7 @@ class Standing:
     depth_cm: np.ndarray  # (K,) of its nearest point in each, along the optical axis
     mean_cm: float  # the region's depth
     sigma_cm: float  # of the mean
-    how: str  # the depth's method, "foot", or "at the lower border"
+    how: str  # the depth's method, "foot", or AT_BORDER
     weight: float  # log-odds
 
     def by_column(self, width: int) -> np.ndarray:
@@ -52,6 +54,13 @@ class Standing:
         out = np.full(width, np.nan)
         out[self.columns] = self.depth_cm
         return out
+
+    def where(self, mask: np.ndarray) -> Standing | None:
+        """Only its columns in a mask (width,); None where those are too few to be anything."""
+        kept = mask[self.columns]
+        if int(kept.sum()) < LEAST_COLUMNS:
+            return None
+        return replace(self, columns=self.columns[kept], depth_cm=self.depth_cm[kept])
 
     def width_cm(self, lens: Lens) -> float:
         """How wide it looks at its distance."""
@@ -117,25 +126,43 @@ def stand_of(
 
     With a foot, the shape across the columns is the foot's and the mean is that of foot and depth, weighted;
     where they contradict each other the nearer one is taken, and not trusted much. Without one its front lies
-    `front_cm` before its mean depth, as it did when its foot was last seen.
+    `front_cm` before its mean depth, as it did when its foot was last seen. Where much of the foot is below
+    the image it is nearer than the border: what little of a foot is left to see then says nothing.
     """
     measured = usable_depth(report, region.id)
     covered = np.nonzero((labels == region.id).any(axis=0))[0]
     columns = np.nonzero((feet.region == region.id) & ~feet.cut)[0]
-    if len(columns) >= LEAST_COLUMNS:
+    cut = np.nonzero((feet.region == region.id) & feet.cut)[0]
+    mostly_cut = len(cut) >= LEAST_COLUMNS and len(cut) > CUT_PART * (len(columns) + len(cut))
+    if len(columns) >= LEAST_COLUMNS and (not mostly_cut or _is_straight_wall(feet, columns, covered)):
         return _on_its_feet(region.id, measured, feet, columns, covered)
     if measured is not None:
         if len(covered) == 0:
             return None
         z, sigma, how = measured
         front = z - (MEAN_TO_FRONT * feet.width_cm(covered, z) if front_cm is None else front_cm)
-        return Standing(region.id, covered, np.full(len(covered), front), z, sigma, how, FAIR)
-    columns = np.nonzero((feet.region == region.id) & feet.cut)[0]
-    if len(columns) < LEAST_COLUMNS:
+        if not mostly_cut or front <= float(feet.depth_cm[cut].mean()):
+            return Standing(region.id, covered, np.full(len(covered), front), z, sigma, how, FAIR)
+    if len(cut) < LEAST_COLUMNS:
         return None
-    depth = feet.depth_cm[columns]
+    depth = feet.depth_cm[cut]
     mean = float(depth.mean())
-    return Standing(region.id, columns, depth, mean, 0.25 * mean, "at the lower border", FAINT)
+    return Standing(region.id, cut, depth, mean, 0.25 * mean, AT_BORDER, FAINT)
+
+
+def _is_straight_wall(feet: Feet, columns: np.ndarray, covered: np.ndarray) -> bool:
+    """Whether the feet in these columns lie on one line that goes on below the image."""
+    slopes = feet.height_cm / feet.depth_cm[columns]
+    nearest = float(np.percentile(slopes, 90))
+    if feet.width_cm(covered, feet.height_cm / nearest) <= WALL_CM:
+        return False
+    return _off_line(columns, slopes) < STRAIGHT
+
+
+def _off_line(columns: np.ndarray, slopes: np.ndarray) -> float:
+    """Rms of slopes about the straight line through them."""
+    line = np.polynomial.Polynomial.fit(columns, slopes, 1)
+    return float(np.sqrt(np.mean((slopes - line(columns)) ** 2)))
 
 
 def _on_its_feet(
@@ -156,7 +183,7 @@ def _on_its_feet(
         return None
     if wall:
         line = np.polynomial.Polynomial.fit(columns, slopes, 1)
-        if float(np.sqrt(np.mean((slopes - line(columns)) ** 2))) < STRAIGHT:
+        if _off_line(columns, slopes) < STRAIGHT:
             columns = np.nonzero(feet.region == region)[0]  # also where its feet are below the image
             slopes = line(columns)
         depth = feet.height_cm / np.maximum(slopes, feet.height_cm / FARTHEST_CM)

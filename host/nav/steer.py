@@ -69,6 +69,10 @@ class Ahead:
     unseen_cm: float  # and this far before it leaves floor known to be free
     obstacle: Obstacle | None  # what it would touch
     cell_cm: tuple[float, float] | None = None  # where, (x, z)
+    edge: bool = False  # it would come to the edge of the map first
+
+    def __str__(self) -> str:
+        return "the edge of the map" if self.edge else str(self.obstacle or "something remembered")
 
 
 def body_of(camera: Pose, ahead_cm: float) -> tuple[float, float, float]:
@@ -81,7 +85,10 @@ def body_of(camera: Pose, ahead_cm: float) -> tuple[float, float, float]:
 def look_ahead(
     obstacle_map: ObstacleMap, x: float, z: float, heading: float, reach_cm: float = 150.0
 ) -> Ahead:
-    """What the disc of the robot meets when its middle goes straight along a heading."""
+    """What the disc of the robot meets when its middle goes straight along a heading.
+
+    Beyond the map nothing is known and nothing can be: for the disc its edge is a wall.
+    """
     config, radius = obstacle_map.config, obstacle_map.body.radius_cm
     half_cell = config.cell_cm / 2
     wide = tightest(obstacle_map)
@@ -108,7 +115,22 @@ def look_ahead(
         obstacle = obstacle_map.obstacle_at(int(rows[where] + row0), int(cols[where] + col0))
         cell = (float(points_x[where] + x), float(points_z[where] + z))
     blind = float((along[unseen] - half_cell - radius).min()) if unseen.any() else reach_cm
-    return Ahead(room, max(0.0, blind), obstacle, cell)
+    to_edge = _room_on_map(obstacle_map, x, z, heading)
+    blind = max(0.0, min(blind, to_edge))
+    if to_edge < room:
+        return Ahead(to_edge, blind, None, None, edge=True)
+    return Ahead(room, blind, obstacle, cell)
+
+
+def _room_on_map(obstacle_map: ObstacleMap, x: float, z: float, heading: float) -> float:
+    """How far the middle can go until the disc leaves the map, cm."""
+    most = obstacle_map.half_cm - obstacle_map.body.radius_cm
+    ways = [
+        (most - math.copysign(1.0, part) * place) / abs(part)
+        for place, part in ((x, math.sin(heading)), (z, math.cos(heading)))
+        if abs(part) > 1e-9
+    ]
+    return min(ways)
 
 
 def decide(
@@ -171,20 +193,23 @@ def brakeable_cm_s(config: NavConfig, distance_cm: float) -> float:
     return -a * tau + math.sqrt((a * tau) ** 2 + 2 * a * max(0.0, distance_cm))
 
 
-def speed_ahead(ahead: Ahead, obstacle_map: ObstacleMap) -> tuple[float, str]:
-    """Forward speed in cm/s that the room ahead allows, and the line that explains it."""
+def speed_ahead(ahead: Ahead, obstacle_map: ObstacleMap, keep_cm: float | None = None) -> tuple[float, str]:
+    """Forward speed in cm/s that the room ahead allows, and the line that explains it.
+
+    `keep_cm` is left of the room, the clearance where nothing is given.
+    """
     config = obstacle_map.config
-    thing = ahead.obstacle or "something remembered"
-    fast = brakeable_cm_s(config, ahead.room_cm - config.clearance_cm)
+    keep = config.clearance_cm if keep_cm is None else keep_cm
+    fast = brakeable_cm_s(config, ahead.room_cm - keep)
     blind = config.creep_cm_s + brakeable_cm_s(config, ahead.unseen_cm)
     v = min(config.speed_cm_s, fast, blind)
     if fast < 1.0:
-        return 0.0, f"stop: {thing}, {ahead.room_cm:.0f} cm from the rim"
+        return 0.0, f"stop: {ahead}, {ahead.room_cm:.0f} cm from the rim"
     if v == config.speed_cm_s:
-        then = f", then {thing}" if ahead.obstacle else ""
+        then = f", then {ahead}" if ahead.obstacle else ""
         return v, f"straight: {ahead.room_cm:.0f} cm free ahead{then}"
     if fast <= blind:
-        return v, f"slow: {thing}, {ahead.room_cm:.0f} cm from the rim"
+        return v, f"slow: {ahead}, {ahead.room_cm:.0f} cm from the rim"
     return v, f"creep: floor seen only {ahead.unseen_cm:.0f} cm ahead, looking for depth"
 
 

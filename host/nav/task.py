@@ -14,12 +14,13 @@ import numpy as np
 
 from host.nav.map import Obstacle, ObstacleMap
 from host.nav.plan import room_around, tightest
+from host.nav.stand import AT_BORDER
 from host.nav.steer import (
     FIRST_CM,
+    FIRST_ROOM_CM,
     Command,
     Plan,
     body_of,
-    brakeable_cm_s,
     decide,
     look_ahead,
     speed_ahead,
@@ -35,6 +36,8 @@ DONE_WITH_CM = 25.0  # around a place that was reached, or cannot be
 HOLD_GAIN = 2.0  # turn rate per heading error while approaching, 1/s
 HOLD_RAD_S = 0.3
 ARRIVED_CM = 0.4
+COARSE_CELLS = 2.0  # by so much a thing's filled cells may lie before where it was last seen to stand
+SETTLE_S = 1.0  # stands this long before something remembered, which may yet be seen to be gone
 
 
 class Task(Protocol):
@@ -153,12 +156,13 @@ def nearest_frontier(
 
 
 class Approach:
-    """Straight on, until the rim is a given distance before what is ahead."""
+    """Straight on, until the rim is a given distance before what is ahead, seen or remembered."""
 
     def __init__(self, stop_cm: float) -> None:
         self._stop_cm = stop_cm
         self._heading: float | None = None
         self._start: tuple[float, float] | None = None
+        self._stands_s: float | None = None  # since when
 
     def decide(self, obstacle_map: ObstacleMap, camera: Pose) -> Command:
         config = obstacle_map.config
@@ -166,26 +170,39 @@ class Approach:
         self._heading = heading if self._heading is None else self._heading
         self._start = self._start or (x, z)
         omega = max(-HOLD_RAD_S, min(HOLD_RAD_S, HOLD_GAIN * wrap(self._heading - heading)))
+        ahead = look_ahead(obstacle_map, x, z, heading)
         thing, gap = front_ahead(obstacle_map, (x, z), self._heading)
-        if thing is None:
-            v, reason = speed_ahead(look_ahead(obstacle_map, x, z, heading), obstacle_map)
-            if math.dist(self._start, (x, z)) < FIRST_CM:
-                v, reason = config.creep_cm_s, "creep: first steps to give depth its baseline"
+        if thing is not None and gap - ahead.room_cm < COARSE_CELLS * config.cell_cm + thing.sigma_cm:
+            ahead = replace(ahead, room_cm=gap, obstacle=thing, edge=False)
+            if gap - self._stop_cm < ARRIVED_CM:
+                return Command(0.0, 0.0, f"{gap:.1f} cm before {thing}", "approached")
+        elif math.dist(self._start, (x, z)) < FIRST_CM and ahead.room_cm > max(FIRST_ROOM_CM, self._stop_cm):
+            reason = "creep: first steps to give depth its baseline"
+            return Command(10 * config.creep_cm_s, omega, reason)
+        v, reason = speed_ahead(ahead, obstacle_map, config.clearance_cm if ahead.edge else self._stop_cm)
+        too_near = ahead.obstacle is not None and ahead.obstacle.how == AT_BORDER
+        if v > 0.0 and not too_near:
+            self._stands_s = None
             return Command(10 * v, omega, reason)
-        left = gap - self._stop_cm
-        if left < ARRIVED_CM:
-            return Command(0.0, 0.0, f"{gap:.1f} cm before {thing}", "approached")
-        v = min(config.speed_cm_s, max(brakeable_cm_s(config, left), 2.0 * left, 1.5))
-        return Command(10 * v, omega, f"approaching {thing}, {gap:.0f} cm from the rim")
+        self._stands_s = camera.t_s if self._stands_s is None else self._stands_s
+        if camera.t_s - self._stands_s < SETTLE_S:
+            return Command(0.0, 0.0, f"stop: {ahead}")
+        if ahead.edge:
+            return Command(0.0, 0.0, "at the edge of the map; set nav.map_half_cm", "blocked")
+        if too_near:
+            return Command(0.0, 0.0, f"{ahead} or nearer: its foot is below the picture", "blocked")
+        return Command(0.0, 0.0, f"{ahead.room_cm:.0f} cm before {ahead}", "approached")
 
 
 def front_ahead(
     obstacle_map: ObstacleMap, here: tuple[float, float], heading: float
 ) -> tuple[Obstacle | None, float]:
-    """The nearest thing that a straight drive meets, and the rim's way to it, cm."""
+    """The nearest thing known to stand somewhere that a straight drive meets, and the rim's way to it, cm."""
     radius = obstacle_map.body.radius_cm
     nearest, thing = math.inf, None
     for obstacle in obstacle_map.obstacles.values():
+        if obstacle.how == AT_BORDER:  # which is no place
+            continue
         ends = np.array([obstacle.left_cm, obstacle.right_cm]) - here
         points = ends[0] + np.linspace(0.0, 1.0, 25)[:, None] * (ends[1] - ends[0])
         along = points[:, 0] * math.sin(heading) + points[:, 1] * math.cos(heading)
@@ -206,5 +223,3 @@ class MeasureOnly:
         thing, gap = front_ahead(obstacle_map, (x, z), heading)
         ahead = "nothing known ahead" if thing is None else f"{thing} ahead, {gap:.0f} cm from the rim"
         return Command(0.0, 0.0, f"measuring only: {ahead}", hands_off=True)
-
-

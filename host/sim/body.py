@@ -16,6 +16,8 @@ STEP_US = 1000
 STEP_S = STEP_US * 1e-6
 TRACE_STEPS = 10_000  # poses of the last 10 s are kept
 LOOK_CM = 0.5  # travel after which the clearance is measured anew
+REST_STEPS = 10  # between two looks for movers while the robot stands
+STANDS_CM_S = 1.0  # a robot that is slower drives into nobody who comes towards it
 CONTACT_ENDS_CM = 0.5  # beyond this gap the next touch counts as another collision
 PHASES = ((False, False), (True, False), (True, True), (False, True))  # pins A, B, rolling forward
 
@@ -130,9 +132,11 @@ class Body:
     Attributes
     ----------
     collisions : int
-        Touches so far; one that lasts counts once.
+        Touches so far that the robot drove into; one that lasts counts once.
+    run_into : int
+        Touches so far by a mover that came to the robot while it stood or only turned.
     min_clearance_cm : float
-        Least distance so far from the rim to anything.
+        Least distance so far from the rim to anything, also while it stood.
     distance_cm : float
         Way of the axle's middle so far.
     """
@@ -156,11 +160,11 @@ class Body:
         self._trace.append((self._x, self._z, self._heading))
         self._battery_mv = 0.0
         self._set_battery(model.battery_mv)
-        self.collisions = 0
+        self.collisions = self.run_into = 0
         self.distance_cm = 0.0
         self.min_clearance_cm = self._clearance_cm = self._gap_cm(self._x, self._z)
         self._unseen_cm = 0.0  # travelled since the clearance was measured
-        self._touching = False
+        self._touching = self._pressed = False  # by its own doing; by a mover's
 
     @property
     def time_us(self) -> int:
@@ -192,6 +196,8 @@ class Body:
         right = self._right.roll(right_duty, voltage, self._time_us)
         if left or right:
             self._move((left + right) / 2, (left - right) / self._track_cm)
+        elif self._world.movers and self._time_us % (REST_STEPS * STEP_US) == 0:
+            self._feel(self._gap_cm(self._x, self._z))
         self._time_us += STEP_US
         self._trace.append((self._x, self._z, self._heading))
 
@@ -237,15 +243,26 @@ class Body:
         if not self._world.movers and self._unseen_cm < min(LOOK_CM, self._clearance_cm):
             return False
         gap = self._gap_cm(x, z)
-        if gap < 0.0 and gap < self._gap_cm(self._x, self._z):
+        if gap < 0.0 and gap < (here := self._gap_cm(self._x, self._z)):
+            if here < 0.0 and step < STANDS_CM_S * STEP_S:
+                self._feel(here)
+                return True
             self.collisions += not self._touching
             self._touching = True
             self.min_clearance_cm = self._clearance_cm = 0.0
             return True
-        self._unseen_cm, self._clearance_cm = 0.0, max(gap, 0.0)
-        self._touching &= gap < CONTACT_ENDS_CM
-        self.min_clearance_cm = min(self.min_clearance_cm, self._clearance_cm)
+        self._feel(gap)
         return False
+
+    def _feel(self, gap: float) -> None:
+        """Take in the gap where the robot is; below zero somebody has run into it."""
+        self._unseen_cm, self._clearance_cm = 0.0, max(gap, 0.0)
+        self.min_clearance_cm = min(self.min_clearance_cm, self._clearance_cm)
+        if gap < 0.0:
+            self.run_into += not (self._touching or self._pressed)
+            self._pressed = True
+        self._touching &= gap < CONTACT_ENDS_CM
+        self._pressed &= gap < CONTACT_ENDS_CM
 
     def _gap_cm(self, x: float, z: float) -> float:
         world = self._world.at(self._time_us * 1e-6)

@@ -142,15 +142,18 @@ class Score:
         Returns
         -------
         dict
-            ``collisions``; ``min_clearance_cm`` from the rim; ``true_distance_cm`` of the axle's middle;
-            ``final_pose_error`` {position_cm, heading_deg} or None; ``depth_errors`` {count, median_percent,
-            p90_percent} of all regions, and the same of those that are no part of the room in ``things``.
+            ``collisions`` that the robot drove into; ``run_into``, how often a mover ran into it while it
+            stood; ``min_clearance_cm`` from the rim, also while standing; ``true_distance_cm`` of the axle's
+            middle; ``final_pose_error`` {position_cm, heading_deg} or None; ``depth_errors`` {count,
+            median_percent, p90_percent} of all regions, and the same of those that are no part of the room
+            in ``things``.
         """
         body = self._simulation.body
         error = None if final is None else self.pose_error(final)
         things = [s for s in self.samples if not s.background]
         return {
             "collisions": body.collisions,
+            "run_into": body.run_into,
             "min_clearance_cm": round(body.min_clearance_cm, 2),
             "true_distance_cm": round(body.distance_cm, 2),
             "final_pose_error": error,

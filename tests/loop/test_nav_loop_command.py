@@ -42,7 +42,7 @@ def test_the_result_holds_everything_it_promises(drive):
     assert result["outcome"] == "timeout"  # nobody drives three metres in five seconds
     assert result["duration_s"] == pytest.approx(5.0, abs=0.2)
     assert 5 < result["distance_cm"] < 100
-    assert result["collisions"] == 0
+    assert result["collisions"] == result["run_into"] == 0
     assert result["min_clearance_cm"] > 0
     assert set(result["final_pose"]) == {"x_cm", "z_cm", "heading_deg"}
     assert result["final_pose_error"]["position_cm"] < 3
@@ -96,6 +96,8 @@ def test_a_goal_with_a_minus_is_a_goal_and_no_option(tmp_path):
     ("arguments", "task", "goal"),
     [
         (["--goal", "-30,150", "-10.5,200"], "driving to -30,150 cm then -10,200 cm", [-10.5, 200]),
+        (["--goal", "3e1,150", "-1e1,2E+2"], "driving to 30,150 cm then -10,200 cm", [-10, 200]),
+        (["--goal", "-30,150", "--goal=-10,200"], "driving to -30,150 cm then -10,200 cm", [-10, 200]),
         (["--explore"], "exploring", None),
         (["--approach", "25"], "approaching up to 25 cm", None),
         (["--measure-only"], "measuring only", None),
@@ -106,6 +108,8 @@ def test_what_a_drive_is_for_is_chosen_and_told(arguments, task, goal, tmp_path)
     assert done.returncode == 0, done.stderr
     result = json.loads((tmp_path / "out.json").read_text())
     assert (result["task"], result["goal_cm"]) == (task, goal)
+    bound_for = not {"--explore", "--measure-only"} & set(arguments)
+    assert result["reason"] == ("not there after 0.2 s" if bound_for else "ended after 0.2 s")
     assert (tmp_path / "runs" / "latest" / "path.png").exists()
 
 
@@ -118,6 +122,7 @@ def test_what_a_drive_is_for_is_chosen_and_told(arguments, task, goal, tmp_path)
         (["--goal", "nan,100"], "nan"),
         (["--goal", "0,9999"], "off the map"),
         (["--goal", "0,100 5,x"], "5,x"),
+        (["--goal"], "--goal"),
         (["--goal", "0,100", "--explore"], "exclude each other"),
         (["--approach", "20", "--measure-only"], "exclude each other"),
         (["--approach", "-1"], "--approach -1"),

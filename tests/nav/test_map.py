@@ -11,7 +11,9 @@ from planar_world import FLOOR_ID, LENS, WALL_ID, Box, PlanarWorld
 
 from host.depth.report import DepthReport, RegionDepth, VertexDepths
 from host.nav.config import BodyConfig, NavConfig
+from host.nav.floor import Rays
 from host.nav.map import FREE, OCCUPIED, ObstacleMap
+from host.nav.stand import AT_BORDER, Feet, stand_of
 from host.pose import Pose
 
 BOX = Box(-10, 90, 14, 110, 30)
@@ -181,3 +183,33 @@ def test_a_box_seen_over_its_corner_is_filled_from_the_corner_on():
         box_map.update(with_box, DepthReport({}, NO_VERTICES), Pose.planar(0, 0, 0, t_s=k / 10), LENS)
     cells = filled_xz(box_map, 10)
     assert z - 12 < cells[:, 1].min() < z + 5
+
+
+def test_a_box_cut_by_the_lower_border_stays_where_it_was_seen_to_stand():
+    front = 100.0
+    world, box_map = PlanarWorld([Box(-12, front, 12, front + 40, 60)]), fresh()
+    for gap in np.arange(60.0, 14.0, -1.0):  # its foot leaves the picture at some 33 cm
+        world.z, world.t_s = front - gap - world.body.camera_ahead_cm, world.t_s + 0.1
+        look(world, box_map)
+    assert box_map.obstacles[10].left_cm[1] == pytest.approx(front, abs=3)
+    assert box_map.evidence[box_map.cell_of(0, front + 2)] > OCCUPIED
+
+
+def test_where_most_of_a_foot_is_below_the_picture_what_is_left_of_it_is_no_place():
+    labels = np.full((120, 160), 2, np.int32)
+    labels[60:, :] = FLOOR_ID
+    labels[40:, 50:110] = 10  # down to the lower border
+    labels[115:, 50:60] = FLOOR_ID  # but for a sliver
+    x = (np.arange(160) - 80) / 130
+    rays = Rays(x, np.repeat((np.arange(120)[:, None] - 60) / 130, 160, axis=1))
+    feet = Feet(labels, labels == FLOOR_ID, np.zeros(labels.shape, bool), rays, 15.0)
+    region = replace(PlanarWorld([BOX]).see()[0].regions[0], id=10)
+    nothing = DepthReport({}, NO_VERTICES)
+    found = stand_of(region, nothing, feet, labels)
+    assert found is not None and found.how == AT_BORDER
+    near = DepthReport({10: RegionDepth(25.0, 1.0, "area", None)}, NO_VERTICES)
+    found = stand_of(region, near, feet, labels)
+    assert found is not None and found.how == "area" and found.mean_cm == 25.0
+    far = DepthReport({10: RegionDepth(60.0, 1.0, "area", None)}, NO_VERTICES)
+    found = stand_of(region, far, feet, labels)
+    assert found is not None and found.how == AT_BORDER

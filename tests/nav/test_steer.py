@@ -190,3 +190,24 @@ def test_the_body_stands_behind_the_camera_it_carries():
     pose = camera(5.0, -3.0, 0.7)
     assert np.allclose(body_of(pose, BODY.camera_ahead_cm), (5.0, -3.0, 0.7))
     assert heading_of(pose) == np.float64(0.7) or math.isclose(heading_of(pose), 0.7)
+
+
+def test_off_the_map_is_neither_seen_nor_open():
+    half = open_floor().half_cm
+    for heading in (0.0, math.pi / 2, math.pi, -math.pi / 2):
+        ahead = look_ahead(
+            open_floor(), (half - 50) * math.sin(heading), (half - 50) * math.cos(heading), heading
+        )
+        assert ahead.edge and str(ahead) == "the edge of the map"
+        assert abs(ahead.room_cm - (50 - BODY.radius_cm)) < 1e-6
+        assert abs(ahead.unseen_cm - ahead.room_cm) < 1e-6
+    assert not look_ahead(open_floor(), 0, half - 50, math.pi).edge  # on the way back
+
+
+def test_it_stops_before_the_edge_of_the_map_and_plans_no_way_along_it():
+    half = open_floor().half_cm
+    command, _ = decide(
+        Plan(begun=True), open_floor(), camera(0, half - BODY.radius_cm - 2, 0), (60, half - 1)
+    )
+    assert command.v_mm_s == 0
+    assert room_around(open_floor()).to_filled[-1].max() <= CONFIG.cell_cm

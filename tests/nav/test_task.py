@@ -8,11 +8,13 @@ import numpy as np
 import pytest
 from planar_world import LENS, Box, PlanarWorld, random_boxes
 
-from host.nav.config import NavConfig
-from host.nav.map import ObstacleMap
+from host.nav.config import BodyConfig, NavConfig
+from host.nav.map import FREE, LIMIT, Obstacle, ObstacleMap
 from host.nav.odometry import Odometry, WheelReading
+from host.nav.stand import AT_BORDER
 from host.nav.steer import Command, body_of
 from host.nav.task import Approach, Explore, MeasureOnly, Route, Task
+from host.pose import Pose
 
 
 def drive(world: PlanarWorld, task: Task, max_s: float) -> tuple[Command, list[str], ObstacleMap, np.ndarray]:
@@ -92,3 +94,63 @@ def test_measuring_only_moves_nothing_and_names_what_is_ahead():
         commands.append(task.decide(obstacle_map, pose))
     assert all(one.v_mm_s == one.omega_rad_s == 0 and one.outcome is None for one in commands)
     assert "region 10 at" in commands[-1].reason and "cm from the rim" in commands[-1].reason
+
+
+def straight_on(obstacle_map: ObstacleMap, task: Approach, z: float) -> tuple[Command, float]:
+    """An ideal robot that does as told over a map that does not change: the last command, and where it is."""
+    command = Command(0.0, 0.0, "")
+    for k in range(1200):
+        command = task.decide(obstacle_map, Pose.planar(0.0, z, 0.0, t_s=k / 20))
+        if command.outcome is not None:
+            break
+        z += command.v_mm_s / 10 / 20
+    return command, z
+
+
+def seen_floor() -> ObstacleMap:
+    floor = ObstacleMap(BodyConfig(), NavConfig())
+    floor.evidence[:] = 2 * FREE
+    return floor
+
+
+def test_approaching_ends_at_the_edge_of_the_map_and_says_so():
+    floor = seen_floor()
+    command, z = straight_on(floor, Approach(20.0), floor.half_cm - 100)
+    assert command.outcome == "blocked"
+    assert command.reason == "at the edge of the map; set nav.map_half_cm"
+    assert z < floor.half_cm
+
+
+def fill(obstacle_map: ObstacleMap, front_cm: float, region: int) -> None:
+    """Something 40 cm wide right ahead."""
+    row, left = obstacle_map.cell_of(-20.0, front_cm)
+    _, right = obstacle_map.cell_of(20.0, front_cm)
+    obstacle_map.evidence[row : row + 3, left : right + 1] = LIMIT
+    obstacle_map.region[row : row + 3, left : right + 1] = region
+
+
+def test_approaching_stops_before_what_only_the_map_remembers():
+    floor = seen_floor()
+    fill(floor, 100.0, region=7)
+    command, z = straight_on(floor, Approach(20.0), 0.0)
+    assert command.outcome == "approached" and "something remembered" in command.reason
+    assert 100 - z == pytest.approx(20, abs=1.5)
+
+
+def test_what_is_only_known_to_be_nearer_than_the_border_is_no_place_to_approach():
+    floor = seen_floor()
+    fill(floor, 100.0, region=7)
+    floor.obstacles[7] = Obstacle(7, 36.0, 9.0, AT_BORDER, (-20.0, 100.0), (20.0, 100.0), 0.0)
+    command, z = straight_on(floor, Approach(20.0), 60.0)
+    assert command.outcome == "blocked" and "foot is below the picture" in command.reason
+    assert z < 66  # no further than the first steps
+
+
+@pytest.mark.parametrize("half_width", [12.0, 14.0, 20.0])
+def test_a_front_whose_foot_is_below_the_picture_does_not_move_along_with_the_robot(half_width):
+    """Its far sides still show feet: they are no news of the front."""
+    world = PlanarWorld([Box(-half_width, 100, half_width, 101, 60)], seed=1, depth_error=0.01)
+    world.first_seen[10] = math.inf  # it never gets a depth of its own
+    command, _, _, _ = drive(world, Approach(12.0), max_s=40.0)
+    assert command.outcome == "approached"
+    assert 100 - world.camera_xz()[1] == pytest.approx(12.0, abs=4.0)

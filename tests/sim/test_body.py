@@ -12,7 +12,7 @@ from host.camera.lens import Lens
 from host.sim.board import Side
 from host.sim.body import PHASES, STEP_US, Body, BodyModel
 from host.sim.scenes import world_from_uri
-from host.sim.things import Box, Material
+from host.sim.things import Box, Material, Mover
 from host.sim.world import Room, World
 
 GREY = Material((128.0, 128.0, 128.0))
@@ -269,3 +269,40 @@ def test_an_open_motor_rolls_on_where_a_shorted_one_stops() -> None:
         ways[coasts] = body.distance_cm - before
         assert ways[coasts] == pytest.approx(speed * (EQUAL.coast_s if coasts else EQUAL.lag_s), rel=0.02)
     assert ways[True] > 5 * ways[False]
+
+
+def hall_with_mover(nearest_z_cm: float) -> World:
+    """A box comes from 1 m ahead, its front no further than given, and goes back again, at 20 cm/s."""
+    box = Box("box", 0.0, 105.0, 10.0, 10.0, 30.0, 0.0, GREY)
+    return replace(hall(), movers=(Mover(box, (0.0, nearest_z_cm + 5.0), 20.0),))
+
+
+def test_the_clearance_is_measured_also_while_the_robot_stands() -> None:
+    body, board = body_in(hall_with_mover(3.0))
+    board.drive(body, 0.0, 0.0, 6000)
+    assert (body.collisions, body.run_into) == (0, 0)
+    assert body.min_clearance_cm == pytest.approx(3.0, abs=0.25)
+
+
+@pytest.mark.parametrize("duty", [0.0, 0.3])
+def test_a_mover_that_runs_into_a_robot_that_stands_or_turns_is_not_its_collision(duty: float) -> None:
+    body, board = body_in(hall_with_mover(-8.0))
+    board.drive(body, duty, -duty, 9000)
+    assert (body.collisions, body.run_into) == (0, 1)
+    assert body.min_clearance_cm == 0.0
+    board.drive(body, duty, -duty, 9000)  # it comes again
+    assert (body.collisions, body.run_into) == (0, 2)
+
+
+def test_a_robot_that_drives_into_a_mover_collides() -> None:
+    body, board = body_in(hall_with_mover(30.0))
+    board.drive(body, 0.4, 0.4, 3000)
+    assert (body.collisions, body.run_into) == (1, 0)
+
+
+def test_a_robot_that_drives_on_into_who_has_run_into_it_collides() -> None:
+    body, board = body_in(hall_with_mover(-8.0))
+    board.drive(body, 0.0, 0.0, 5200)
+    assert (body.collisions, body.run_into) == (0, 1)
+    board.drive(body, 0.4, 0.4, 300)
+    assert (body.collisions, body.run_into) == (1, 1)
