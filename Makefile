@@ -28,9 +28,10 @@ BOARD ?= uno
 flash: build/ready
 	$(RUN) tools/flash_firmware.py "$(PORT)" --board $(BOARD)
 
-# What it takes of the processor, measured in the simulator; fails above what it may take.
+# What it takes of the processor, measured in the simulator, and a million edges counted; fails above what it may take.
 budget: build/ready
 	$(RUN) tools/firmware_budget.py
+	EDGES=1000000 $(RUN) -m pytest tests/firmware/avr/test_avr_counting.py
 
 # Static analysis.
 check:

@@ -1,4 +1,4 @@
-"""A million edges, as fast as they may come, on a processor that has no time to spare."""
+"""Edges as fast as they may come, a million if asked for, on a processor that has no time to spare."""
 
 from __future__ import annotations
 
@@ -14,8 +14,7 @@ from host.link.protocol import BAUD, Ping, Telemetry
 from host.sim.avr.board import AvrBoard, Stats
 from host.sim.board import Side
 
-IN_CI = os.environ.get("CI", "").lower() in ("1", "true")
-EDGES = 1_000_000 if IN_CI else 100_000  # a million keep a processor busy for a minute
+EDGES = int(os.environ.get("EDGES", "100000"))  # `make budget` takes a million, which take a minute
 EDGE_US = 200  # 5,000 counts a second
 JITTER_US = 80
 FORWARD_PINS = np.array([0b00, 0b01, 0b11, 0b10])  # (b << 1) | a
@@ -63,7 +62,7 @@ def roll(board: AvrBoard, edges: int, seed: int) -> Outcome:
     return Outcome(2 * edges, sent, counts, heard_bytes_s, stats)
 
 
-def test_of_a_million_edges_at_5000_a_second_and_a_full_line_none_is_lost_and_each_fault_is_told(
+def test_of_all_edges_at_5000_a_second_and_a_full_line_none_is_lost_and_each_fault_is_told(
     make_board: Callable[..., AvrBoard],
 ) -> None:
     with ThreadPoolExecutor(2) as pool:  # the simulator leaves Python alone while it runs
