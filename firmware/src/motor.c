@@ -3,6 +3,8 @@
 
 #include <stdbool.h> // bool
 
+#include "within.h" // within
+
 #define SPEED_MOST_Q4 INT16_MAX
 // The integral as a share of an error in speed learned at an edge: it acts over 40 ticks.
 #define INTEGRAL_TICKS 40u
@@ -11,13 +13,6 @@
 #define COMPENSATION_LEAST_Q12 3277u // 0.8
 #define COMPENSATION_MOST_Q12 6144u  // 1.5
 #define COMPENSATION_STEP_Q12 2u
-
-static int32_t within(int32_t value, int32_t limit)
-{
-    if (value > limit)
-        return limit;
-    return value < -limit ? -limit : value;
-}
 
 static uint32_t at_most(uint32_t value, uint32_t most)
 {

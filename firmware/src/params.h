@@ -61,11 +61,6 @@ bool params_set(struct params *params, uint8_t param, int32_t value);
 // Begin to write all values; params_tick() does it. Not while saving.
 void params_save(struct params *params);
 
-static inline bool params_saving(const struct params *params)
-{
-    return params->step != 0;
-}
-
 // Every tick. PARAMS_SAVED and PARAMS_NOT_STORED are told once; after the latter the set before is still
 // there.
 uint8_t params_tick(struct params *params);

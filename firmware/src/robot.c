@@ -290,41 +290,37 @@ static uint8_t request_refusal(const struct robot *robot, uint32_t boot_nonce, u
     return requests_refusal(&robot->requests, number);
 }
 
-static uint8_t begin_move(struct robot *robot, uint16_t speed, uint32_t expires_us)
+// Begins either kind of move; what way and speed mean is its own affair.
+typedef void (*move_beginner)(struct move *, const struct drive_limits *, int16_t way, uint16_t speed,
+                              int32_t left_um, int32_t right_um);
+
+static uint8_t begin_move(struct robot *robot, const struct msg_move *asked, move_beginner begin)
 {
-    if (speed == 0)
-        return REFUSED_BAD_VALUE;
-    return supervisor_move(&robot->supervisor, robot->byte_us, expires_us);
+    uint8_t refusal = request_refusal(robot, asked->boot_nonce, asked->request);
+    if (refusal != 0 || requests_repeats(&robot->requests, asked->request))
+        return refusal;
+    refusal = asked->speed_mm_s == 0
+                ? (uint8_t)REFUSED_BAD_VALUE
+                : supervisor_move(&robot->supervisor, robot->byte_us, asked->expires_us);
+    if (refusal == 0)
+        begin(&robot->move, &robot->drive.limits, asked->distance_mm, asked->speed_mm_s,
+              motor_travel_um(&robot->motors[DRIVE_LEFT]), motor_travel_um(&robot->motors[DRIVE_RIGHT]));
+    return requests_take(&robot->requests, MSG_MOVE, asked->request, refusal, true);
 }
 
 static uint8_t obey_move(struct robot *robot, const uint8_t *payload)
 {
     struct msg_move move;
     msg_move_decode(&move, payload);
-    uint8_t refusal = request_refusal(robot, move.boot_nonce, move.request);
-    if (refusal != 0 || requests_repeats(&robot->requests, move.request))
-        return refusal;
-    refusal = begin_move(robot, move.speed_mm_s, move.expires_us);
-    if (refusal == 0)
-        move_begin_straight(&robot->move, &robot->drive.limits, move.distance_mm, move.speed_mm_s,
-                            motor_travel_um(&robot->motors[DRIVE_LEFT]),
-                            motor_travel_um(&robot->motors[DRIVE_RIGHT]));
-    return requests_take(&robot->requests, MSG_MOVE, move.request, refusal, true);
+    return begin_move(robot, &move, move_begin_straight);
 }
 
 static uint8_t obey_turn(struct robot *robot, const uint8_t *payload)
 {
     struct msg_turn turn;
     msg_turn_decode(&turn, payload);
-    uint8_t refusal = request_refusal(robot, turn.boot_nonce, turn.request);
-    if (refusal != 0 || requests_repeats(&robot->requests, turn.request))
-        return refusal;
-    refusal = begin_move(robot, turn.rate_mrad_s, turn.expires_us);
-    if (refusal == 0)
-        move_begin_turn(&robot->move, &robot->drive.limits, turn.angle_mrad, turn.rate_mrad_s,
-                        motor_travel_um(&robot->motors[DRIVE_LEFT]),
-                        motor_travel_um(&robot->motors[DRIVE_RIGHT]));
-    return requests_take(&robot->requests, MSG_MOVE, turn.request, refusal, true);
+    struct msg_move alike = {turn.boot_nonce, turn.request, turn.angle_mrad, turn.rate_mrad_s, turn.expires_us};
+    return begin_move(robot, &alike, move_begin_turn);
 }
 
 // May parameters change now?

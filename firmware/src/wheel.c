@@ -1,6 +1,8 @@
 // Where one wheel is and how fast it turns between its edges. See wheel.h.
 #include "wheel.h" // this file's manual
 
+#include "within.h" // within
+
 #define LAG_SHARE_Q8 21       // of what is missing to the speed told that is gained in a tick: a lag of 60 ms
 #define FRICTION_Q4 INT32_C(100) // a braked wheel slows down as if it were told to go back this fast
 #define TICKS_MOST 60         // further back nothing is averaged
@@ -15,13 +17,6 @@
 #define SLOW_START_TICKS 48   // a wheel that needs longer for its first edge did not gain speed evenly
 #define UNLEARNED_Q8 300      // drift after a few edges is only learned in part: what it will be, times 256
 #define STEP_LEAST_Q4 8       // lest anything be divided by less
-
-static int32_t within(int32_t value, int32_t limit)
-{
-    if (value > limit)
-        return limit;
-    return value < -limit ? -limit : value;
-}
 
 void wheel_init(struct wheel *wheel, uint8_t learn_q8, int16_t drift_limit_q4)
 {

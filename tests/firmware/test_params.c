@@ -21,6 +21,11 @@ static struct {
     struct params params;
 } rig;
 
+static bool is_saving(void)
+{
+    return rig.params.step != 0;
+}
+
 static int erased(void **state)
 {
     (void)state;
@@ -43,7 +48,7 @@ static uint8_t finish(void)
         unsigned before = rig.hal.eeprom_writes;
         uint8_t saving = params_tick(&rig.params);
         assert_true(rig.hal.eeprom_writes - before <= 1);
-        assert_int_equal(params_saving(&rig.params), saving == PARAMS_SAVING);
+        assert_int_equal(is_saving(), saving == PARAMS_SAVING);
         if (saving != PARAMS_SAVING)
             return saving;
     }
@@ -250,7 +255,7 @@ static void a_mark_that_does_not_hold_is_noticed(void **state)
     params_save(&rig.params);
     rig.hal.eeprom_cut = 0;
     unsigned writes = 0;
-    while (params_saving(&rig.params)) { // find out how many writes there are: the mark is the last
+    while (is_saving()) { // find out how many writes there are: the mark is the last
         writes = rig.hal.eeprom_writes;
         params_tick(&rig.params);
     }
@@ -353,7 +358,7 @@ static void cut_everywhere(unsigned saved_before)
             rig.hal.eeprom_torn = (uint8_t)torn;
             set_all(saved_before + 1);
             params_save(&rig.params);
-            while (params_saving(&rig.params) && rig.hal.eeprom_writes < cut)
+            while (is_saving() && rig.hal.eeprom_writes < cut)
                 params_tick(&rig.params);
             if (rig.hal.eeprom_writes < cut) { // the save is over: there was nothing left to cut
                 assert_true(cuts > 50);
