@@ -7,7 +7,9 @@
 #include <cmocka.h> // the test framework
 #include <string.h> // memcpy, memset
 
-#include "link.h" // what is specified here
+#include "host_coded.h"  // frames of raw bytes
+#include "host_frames.h" // frames of messages
+#include "link.h"        // what is specified here
 
 // --- A link whose handler and wire are arrays ------------------------------------------------------
 
@@ -55,37 +57,10 @@ static void receive(const uint8_t *bytes, unsigned size)
         link_receive_byte(&rig.link, bytes[i]);
 }
 
-// Puts the frame of a raw message on `wire` as a host would; returns its size. Any raw bytes may be framed,
-// also such as no host would send.
-static unsigned frame_of(uint8_t *wire, const uint8_t *raw, unsigned size)
-{
-    unsigned code = 0, at = 1;
-    for (unsigned i = 0; i < size; i++) {
-        if (raw[i] == 0) {
-            wire[code] = (uint8_t)(at - code);
-            code = at++;
-        } else {
-            wire[at++] = raw[i];
-        }
-    }
-    wire[code] = (uint8_t)(at - code);
-    wire[at++] = 0;
-    return at;
-}
-
-static unsigned message_of(uint8_t *wire, uint8_t id, uint8_t seq, const uint8_t *payload, uint8_t size)
-{
-    uint8_t raw[64] = {id, seq};
-    if (size > 0)
-        memcpy(raw + 2, payload, size);
-    msg_put_u32(raw + 2 + size, link_crc32c(raw, (uint8_t)(size + 2)));
-    return frame_of(wire, raw, size + 6u);
-}
-
 static void receive_message(uint8_t id, uint8_t seq, const uint8_t *payload, uint8_t size)
 {
     uint8_t wire[80];
-    receive(wire, message_of(wire, id, seq, payload, size));
+    receive(wire, host_frame(wire, id, seq, payload, size));
 }
 
 static void receive_stop(uint8_t seq)
@@ -121,7 +96,7 @@ static void a_whole_frame_is_handed_on_once_and_at_its_delimiter(void **state)
     const struct msg_drive sent = {.v_mm_s = -300, .omega_mrad_s = 1234, .expires_us = 0xFEDC0098};
     uint8_t payload[MSG_DRIVE_SIZE], wire[80];
     msg_drive_encode(&sent, payload);
-    unsigned size = message_of(wire, MSG_DRIVE, 200, payload, MSG_DRIVE_SIZE);
+    unsigned size = host_frame(wire, MSG_DRIVE, 200, payload, MSG_DRIVE_SIZE);
     receive(wire, size - 1);
     assert_int_equal(rig.received_count, 0);
     receive(wire + size - 1, 1);
@@ -166,7 +141,7 @@ static void a_wrong_checksum_is_dropped_and_counted(void **state)
 {
     (void)state;
     uint8_t wire[80];
-    unsigned size = message_of(wire, MSG_CLEAR, 1, (const uint8_t[]){1, 2, 3, 4}, 4);
+    unsigned size = host_frame(wire, MSG_CLEAR, 1, (const uint8_t[]){1, 2, 3, 4}, 4);
     wire[4] ^= 0x10;
     receive(wire, size);
     assert_int_equal(rig.received_count, 0);
@@ -177,7 +152,7 @@ static void a_flipped_bit_never_makes_another_message(void **state)
 {
     (void)state;
     uint8_t wire[80];
-    unsigned size = message_of(wire, MSG_DRIVE, 1, (const uint8_t[]){0, 1, 0, 0, 0, 0, 9, 0}, 8);
+    unsigned size = host_frame(wire, MSG_DRIVE, 1, (const uint8_t[]){0, 1, 0, 0, 0, 0, 9, 0}, 8);
     for (unsigned bit = 0; bit < 8 * size; bit++) {
         wire[bit / 8] ^= (uint8_t)(1u << bit % 8);
         receive(wire, size);
@@ -191,7 +166,7 @@ static void a_frame_cut_short_is_dropped_and_the_next_one_is_whole(void **state)
 {
     (void)state;
     uint8_t wire[80];
-    unsigned size = message_of(wire, MSG_PING, 1, (const uint8_t[]){1, 2, 3, 4}, 4);
+    unsigned size = host_frame(wire, MSG_PING, 1, (const uint8_t[]){1, 2, 3, 4}, 4);
     for (unsigned kept = 1; kept < size - 1; kept++) {
         fresh(NULL);
         receive(wire, kept);
@@ -209,7 +184,7 @@ static void fewer_bytes_than_id_sequence_number_and_checksum_are_a_framing_error
     for (unsigned size = 0; size < LINK_OVERHEAD; size++) {
         const uint8_t raw[LINK_OVERHEAD] = {1, 1, 1, 1, 1, 1};
         uint8_t wire[16];
-        receive(wire, frame_of(wire, raw, size));
+        receive(wire, host_coded(wire, raw, size));
         assert_int_equal(rig.link.counters.framing, size + 1);
     }
     assert_int_equal(rig.received_count, 0);
@@ -343,7 +318,7 @@ static void what_is_sent_is_a_frame_and_its_sequence_numbers_follow_one_another(
     for (unsigned n = 0; n < 300; n++) {
         rig.wire_size = 0;
         assert_true(link_send(&rig.link, MSG_PONG, payload, MSG_PONG_SIZE, LINK_WIRE_MAX));
-        unsigned size = message_of(expected, MSG_PONG, (uint8_t)n, payload, MSG_PONG_SIZE);
+        unsigned size = host_frame(expected, MSG_PONG, (uint8_t)n, payload, MSG_PONG_SIZE);
         assert_int_equal(rig.wire_size, size);
         assert_memory_equal(rig.wire, expected, size);
     }
@@ -354,7 +329,7 @@ static void a_message_without_payload_is_sent_as_any_other(void **state)
     (void)state;
     uint8_t expected[80];
     assert_true(link_send(&rig.link, 0x90, NULL, 0, LINK_WIRE_MAX));
-    unsigned size = message_of(expected, 0x90, 0, NULL, 0);
+    unsigned size = host_frame(expected, 0x90, 0, NULL, 0);
     assert_int_equal(rig.wire_size, size);
     assert_memory_equal(rig.wire, expected, size);
 }

@@ -5,7 +5,8 @@
 #include <stdlib.h>  // abort
 #include <string.h>  // memcpy
 
-#include "link.h" // what is under test
+#include "host_coded.h" // frames of raw bytes
+#include "link.h"       // what is under test
 
 #define REQUIRE(truth) ((truth) ? (void)0 : abort())
 
@@ -92,22 +93,6 @@ static size_t uncoded(const uint8_t *coded, size_t size, uint8_t *raw)
     return length;
 }
 
-static size_t coded(const uint8_t *raw, size_t size, uint8_t *wire)
-{
-    size_t code = 0, at = 1;
-    for (size_t i = 0; i < size; i++) {
-        if (raw[i] == 0) {
-            wire[code] = (uint8_t)(at - code);
-            code = at++;
-        } else {
-            wire[at++] = raw[i];
-        }
-    }
-    wire[code] = (uint8_t)(at - code);
-    wire[at++] = 0;
-    return at;
-}
-
 // Half of the time every frame gets the checksum that belongs to what it has become.
 size_t LLVMFuzzerCustomMutator(uint8_t *data, size_t size, size_t max_size, unsigned seed)
 {
@@ -126,7 +111,7 @@ size_t LLVMFuzzerCustomMutator(uint8_t *data, size_t size, size_t max_size, unsi
         if (length == 0 || out_size + length + 8 > sizeof out)
             continue;
         msg_put_u32(raw + length, link_crc32c(raw, (uint8_t)length));
-        out_size += coded(raw, length + 4, out + out_size);
+        out_size += host_coded(out + out_size, raw, (unsigned)length + 4);
     }
     if (out_size == 0 || out_size > max_size)
         return size;

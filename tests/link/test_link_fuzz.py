@@ -19,6 +19,7 @@ from messages_any import sealed
 
 from host.link.protocol import LAYOUTS, Decoder, build, encode
 
+C_TESTS = HERE.parent / "firmware"
 FUZZ_SECONDS = int(os.environ.get("FUZZ_SECONDS", "10"))
 LONGEST = 600  # bytes of an input
 
@@ -30,7 +31,7 @@ def fuzzer(tmp_path_factory: pytest.TempPathFactory) -> Path:
     program = tmp_path_factory.mktemp("fuzzer") / "fuzz_link"
     why = "clang is missing"
     if clang is not None:
-        flags = ["-std=gnu11", "-O1", "-g", "-Wall", "-Wextra", "-Werror", f"-I{FIRMWARE}"]
+        flags = ["-std=gnu11", "-O1", "-g", "-Wall", "-Wextra", "-Werror", f"-I{FIRMWARE}", f"-I{C_TESTS}"]
         checks = ["-fsanitize=fuzzer,address,undefined", "-fno-sanitize-recover=all"]
         sources = [HERE / "fuzz_link.c", FIRMWARE / "link.c"]
         done = subprocess.run(
