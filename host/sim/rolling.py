@@ -16,7 +16,7 @@ from host.errors import UsageError
 from host.sim.avr.board import AvrBoard
 from host.sim.board import Board, Line
 from host.sim.body import Body, BodyModel
-from host.sim.session import SimulatedClock
+from host.sim.clock import SimulatedClock
 from host.sim.things import Material
 from host.sim.world import Room, World
 

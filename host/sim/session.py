@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import cast
 
 import numpy as np
 
@@ -12,34 +11,14 @@ from host.camera.lens import Lens
 from host.errors import DeviceError
 from host.link.parameters import Param
 from host.pose import Pose
-from host.sim.avr.board import AvrBoard
-from host.sim.board import Board, Line
-from host.sim.body import Body, BodyModel
+from host.sim.body import BodyModel
 from host.sim.eeprom import image
 from host.sim.render import Renderer, Webcam, WebcamModel
+from host.sim.rolling import RollingRobot
 from host.sim.scenes import webcam_from_uri, world_from_uri
 
 FRAMES_PER_S = 15.0
 BANDS = 12  # of rows exposed at one moment each, where rows are read out one after another
-
-
-class SimulatedClock:
-    """Virtual time, a ``host.link.clock.Clock``: it passes only while somebody waits."""
-
-    def __init__(self, now_us: Callable[[], int], advance_to: Callable[[int], None]) -> None:
-        self._now_us, self._advance_to = now_us, advance_to
-        self._owed_s = 0.0  # of sleep, less than a microsecond
-
-    def now_s(self) -> float:
-        """Seconds since the simulation began."""
-        return self._now_us() * 1e-6
-
-    def sleep_s(self, duration_s: float) -> None:
-        """Let the world go on for `duration_s` seconds."""
-        self._owed_s += max(duration_s, 0.0)
-        whole_us = int(self._owed_s * 1e6)
-        self._owed_s -= whole_us * 1e-6
-        self._advance_to(self._now_us() + whole_us)
 
 
 class SimulatedCamera:
@@ -49,15 +28,14 @@ class SimulatedCamera:
         self,
         lens: Lens,
         fps: float,
-        now_us: Callable[[], int],
-        advance_to: Callable[[int], None],
+        rolling: RollingRobot,
         take: Callable[[int, int], np.ndarray],
         model: WebcamModel,
         seed: int,
     ) -> None:
         self.lens: Lens | None = lens
         self._fps = fps
-        self._now_us, self._advance_to, self._take = now_us, advance_to, take
+        self._rolling, self._take = rolling, take
         self._model, self._seed = model, seed
         self._last_seq = -1
         self._open = True
@@ -72,7 +50,7 @@ class SimulatedCamera:
         """
         if not self._open:
             return None
-        now_us = self._now_us()
+        now_us = self._rolling.board.time_us
         seq = self._last_seq + 1
         guess = int((now_us * 1e-6 - self._model.latency_s - self._model.readout_s) * self._fps) - 1
         seq = max(seq, guess)
@@ -80,12 +58,12 @@ class SimulatedCamera:
             seq += 1
         wait_us = self._ready_us(seq) - now_us
         if wait_us > timeout_s * 1e6:
-            self._advance_to(now_us + int(timeout_s * 1e6))
+            self._rolling.advance_to(now_us + int(timeout_s * 1e6))
             raise DeviceError(
                 f"camera: no picture within {timeout_s:g} s at {self._fps:g} a second; wait longer"
             )
         if wait_us > 0:
-            self._advance_to(self._ready_us(seq))
+            self._rolling.advance_to(self._ready_us(seq))
         self._last_seq = seq
         t_us = self._time_us(seq)
         return Frame(self._take(t_us, seq), t_us * 1e-6 + self._model.stamp_late_s, seq)
@@ -160,18 +138,13 @@ class Simulation:
             raise ValueError(f"fps must be 1 to 1000, not {fps}")
         self.world = world_from_uri(uri)
         self.renderer = Renderer(self.world)
-        body = body or BodyModel()
-        make_board = cast(type[Board], AvrBoard) if avr else Board  # alike in all that is used here
-        self.board = make_board(self.world.seed, eeprom=believed(body))
-        self.body = Body(self.world, self.board, body, self.world.seed)
+        body, seed = body or BodyModel(), self.world.seed
+        rolling = RollingRobot(body, avr=avr, seed=seed, world=self.world, eeprom=believed(body))
+        self.board, self.body, self.clock = rolling.board, rolling.body, rolling.clock
+        self.transport = rolling.line()
         self._webcam_model = webcam or webcam_from_uri(uri)
-        self._webcam = Webcam(self._webcam_model, self.world.lens, self.world.seed)
-        self.transport = Line(self.board)
-        self.clock = SimulatedClock(self._now_us, self._advance_to)
-        lens, seed = self.world.lens, self.world.seed
-        self.camera = SimulatedCamera(
-            lens, fps, self._now_us, self._advance_to, self._take, self._webcam_model, seed
-        )
+        self._webcam = Webcam(self._webcam_model, self.world.lens, seed)
+        self.camera = SimulatedCamera(self.world.lens, fps, rolling, self._take, self._webcam_model, seed)
 
     def true_pose(self, t_s: float) -> Pose:
         """Where the camera truly was at a time of the last 10 s; for scoring alone.
@@ -182,16 +155,6 @@ class Simulation:
             The time is further back, or yet to come.
         """
         return self.body.pose_at(round(t_s * 1e6))
-
-    def _now_us(self) -> int:
-        return self.board.time_us
-
-    def _advance_to(self, until_us: int) -> None:
-        body, board = self.body, self.board
-        while (now_us := board.time_us) < until_us:
-            if body.time_us == now_us:
-                body.step()  # knows the edges of the coming millisecond, which the board is told beforehand
-            board.step(min(until_us, body.time_us) - now_us)
 
     def renderer_at(self, t_s: float) -> Renderer:
         """The world as it stands at a time; for scoring alone."""
