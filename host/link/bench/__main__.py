@@ -21,13 +21,10 @@ from host.errors import EXIT_DEVICE, EXIT_DONE, EXIT_SAFETY, UsageError, begin_c
 if __name__ == "__main__":
     begin_command()
 
-import difflib
-import sys
 from collections.abc import Callable
-from importlib import import_module
 from typing import Any
 
-from host.config import read_options
+from host.subcommands import read_subcommand
 
 COMMANDS = {
     "echo": "EchoOptions",
@@ -43,17 +40,10 @@ COMMANDS = {
 
 def main(arguments: list[str] | None = None) -> int:
     """The command."""
-    arguments = sys.argv[1:] if arguments is None else arguments
-    if not arguments or arguments[0] in ("-h", "--help"):
-        print((__doc__ or "").strip())
+    asked = read_subcommand("host.link.bench", COMMANDS, __doc__ or "", "no command {name!r}", arguments)
+    if asked is None:
         return EXIT_DONE
-    name = arguments[0]
-    if name not in COMMANDS:
-        near = difflib.get_close_matches(name, COMMANDS, n=1)
-        remedy = f"did you mean {near[0]}?" if near else f"the commands are {', '.join(COMMANDS)}"
-        raise UsageError(f"no command {name!r}; {remedy}")
-    module = import_module(f"host.link.bench.{name}")
-    options = read_options(getattr(module, COMMANDS[name]), arguments[1:], name)
+    module, options = asked
     return run(module.run, options)
 
 
