@@ -13,6 +13,7 @@ import serial
 from host.errors import DeviceError
 from host.link.protocol import BAUD
 
+LINE_ERRORS = (OSError, termios.error)  # the latter is no OSError
 GONE = (errno.EIO, errno.ENXIO, errno.ENODEV)
 WRITE_TIMEOUT_S = 0.1  # a frame takes 1 ms; a line blocked for longer is a broken one
 
@@ -30,11 +31,11 @@ class SerialPort:
         self._path = path
         try:
             self._port = serial.Serial(path, BAUD, timeout=0, write_timeout=WRITE_TIMEOUT_S, exclusive=True)
-        except (OSError, ValueError, termios.error) as error:
+        except (ValueError, *LINE_ERRORS) as error:
             raise DeviceError(why_not_open(path, error)) from None
         try:
             self._port.reset_input_buffer()
-        except (OSError, termios.error) as error:
+        except LINE_ERRORS as error:
             self.close()
             raise DeviceError(why_not_open(path, error)) from None
 
@@ -44,19 +45,19 @@ class SerialPort:
             self._port.write(data)
         except serial.SerialTimeoutException:
             raise DeviceError(f"{self._path} takes no more bytes: check the cable, then reconnect") from None
-        except (OSError, termios.error) as error:
+        except LINE_ERRORS as error:
             raise self._lost(error) from None
 
     def read(self) -> bytes:
         """What has arrived, without waiting."""
         try:
             return self._port.read(self._port.in_waiting)
-        except (OSError, termios.error) as error:
+        except LINE_ERRORS as error:
             raise self._lost(error) from None
 
     def close(self) -> None:
         """Close the port."""
-        with contextlib.suppress(OSError, termios.error):  # one that is gone is as good as closed
+        with contextlib.suppress(*LINE_ERRORS):  # one that is gone is as good as closed
             self._port.close()
 
     def _lost(self, error: Exception) -> DeviceError:

@@ -156,13 +156,14 @@ def _is_straight_wall(feet: Feet, columns: np.ndarray, covered: np.ndarray) -> b
     nearest = float(np.percentile(slopes, 90))
     if feet.width_cm(covered, feet.height_cm / nearest) <= WALL_CM:
         return False
-    return _off_line(columns, slopes) < STRAIGHT
+    return _straight_line(columns, slopes) is not None
 
 
-def _off_line(columns: np.ndarray, slopes: np.ndarray) -> float:
-    """Rms of slopes about the straight line through them."""
+def _straight_line(columns: np.ndarray, slopes: np.ndarray) -> np.polynomial.Polynomial | None:
+    """The line through slopes over columns; None where they do not lie on one."""
     line = np.polynomial.Polynomial.fit(columns, slopes, 1)
-    return float(np.sqrt(np.mean((slopes - line(columns)) ** 2)))
+    off = float(np.sqrt(np.mean((slopes - line(columns)) ** 2)))
+    return line if off < STRAIGHT else None
 
 
 def _on_its_feet(
@@ -182,8 +183,8 @@ def _on_its_feet(
     if how == "foot" and sigma_cm > 0.3 * z:
         return None
     if wall:
-        line = np.polynomial.Polynomial.fit(columns, slopes, 1)
-        if _off_line(columns, slopes) < STRAIGHT:
+        line = _straight_line(columns, slopes)
+        if line is not None:
             columns = np.nonzero(feet.region == region)[0]  # also where its feet are below the image
             slopes = line(columns)
         depth = feet.height_cm / np.maximum(slopes, feet.height_cm / FARTHEST_CM)
