@@ -68,6 +68,9 @@ def _check_place(path: Path, folder: bool) -> None:
         raise UsageError(f"{path}: cannot be created because {nearest} is a file; choose another place")
     if not os.access(nearest, os.W_OK):
         raise UsageError(f"{path}: no permission to write to {nearest}; choose another place")
+    # Root is permitted everything, also where nothing can be written.
+    with tempfile.TemporaryFile(dir=nearest if nearest.is_dir() else nearest.parent):
+        pass
 
 
 def _refuse_device(path: Path) -> None:

@@ -214,6 +214,7 @@ def test_a_robot_that_stops_itself_is_not_calibrated() -> None:
         (["wheels", "--runs", "0"], "--runs must be from 1 to 100, not 0"),
         (["wheels", "--rate-rad-s", "nan"], "--rate-rad-s must be from 0.2 to 6"),
         (["wheels", "--robot", "sim:?whels=3"], "no option 'whels'; known are"),
+        (["wheels", "--json", "/proc/no/where.json"], "/proc"),
     ],
 )
 def test_a_wrong_command_line_gets_one_line(arguments: list[str], complaint: str) -> None:

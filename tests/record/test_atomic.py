@@ -36,3 +36,9 @@ def test_whatever_is_no_ordinary_file_is_refused_and_kept(tmp_path: Path):
 def test_a_name_the_disk_cannot_hold_is_refused_in_one_line(tmp_path: Path, folder: bool):
     with pytest.raises(UsageError, match="too long"):
         check_writable(tmp_path / ("x" * 300), folder=folder)
+
+
+@pytest.mark.parametrize("folder", [False, True])
+def test_where_nothing_can_be_written_is_known_before_any_work_also_to_root(folder: bool):
+    with pytest.raises(UsageError, match="/proc/no/where"):
+        check_writable(Path("/proc/no/where"), folder=folder)

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from host.link.robot import Robot
-from host.sim import session
+from host.sim import rolling
 from host.sim.avr.board import AvrBoard
 from host.sim.session import Simulation
 
@@ -25,7 +25,7 @@ def test_a_simulated_drive_goes_as_far_with_the_real_firmware_as_with_the_other(
     def make(seed: int, eeprom: bytes = b"") -> AvrBoard:
         return AvrBoard(seed, eeprom, elf=built / "uno.elf", library=built / "librig.so")
 
-    monkeypatch.setattr(session, "AvrBoard", make)
+    monkeypatch.setattr(rolling, "AvrBoard", make)
 
     def drive(avr: bool) -> tuple[float, float]:
         simulation = Simulation("sim:room?seed=2", avr=avr)
@@ -49,10 +49,10 @@ MAIN_JOB = """
 import sys
 from functools import partial
 from pathlib import Path
-from host.sim import session
+from host.sim import rolling
 from host.sim.avr.board import AvrBoard
 built = Path(sys.argv.pop(1))
-session.AvrBoard = partial(AvrBoard, elf=built / "uno.elf", library=built / "librig.so")
+rolling.AvrBoard = partial(AvrBoard, elf=built / "uno.elf", library=built / "librig.so")
 from host import nav_loop
 sys.exit(nav_loop.main())
 """
