@@ -38,12 +38,15 @@ class Rig:
         """Let the truth look at what was made of a frame."""
         if self.score is not None:
             self.score.watch(view.pose.t_s, view.snapshot, view.depths)
+            command = view.command
+            if command.outcome is None and not command.hands_off:
+                self.score.hear(command.v_mm_s != 0.0 or command.omega_rad_s != 0.0, command.reason)
 
     def truth(self, log: DriveLog) -> dict[str, Any]:
         """The part of result.json that only the simulator knows; nulls elsewhere."""
         if self.score is None:
             known = ("collisions", "run_into", "min_clearance_cm", "true_distance_cm")
-            return dict.fromkeys((*known, "final_pose_error", "depth_errors", "depths"))
+            return dict.fromkeys((*known, "final_pose_error", "depth_errors", "depths", "stops"))
         depths = [
             {
                 "t_s": round(s.t_s, 3),
@@ -56,7 +59,11 @@ class Rig:
             }
             for s in self.score.samples
         ]
-        return {**self.score.summary(log.path[-1] if log.path else None), "depths": depths}
+        stops = [
+            {"t_s": round(s.t_s, 3), "reason": s.reason, "true_room_cm": s.true_room_cm, "false": s.is_false}
+            for s in self.score.stops
+        ]
+        return {**self.score.summary(log.path[-1] if log.path else None), "depths": depths, "stops": stops}
 
     def link_counters(self) -> dict[str, Any]:
         """What both ends of the line saw go wrong."""

@@ -172,6 +172,11 @@ class Body:
         return self._time_us
 
     @property
+    def radius_cm(self) -> float:
+        """Of the disc that holds the whole robot."""
+        return self._model.radius_cm
+
+    @property
     def speed_cm_s(self) -> float:
         """Forward speed."""
         return (self._left.speed_cm_s + self._right.speed_cm_s) / 2

@@ -17,6 +17,8 @@ from host.sim.session import Simulation
 
 DEPTH_EVERY_S = 0.5  # neighbouring frames have nearly the same errors, and truth takes as long as a picture
 SMALLEST_PX = 20  # regions with fewer pixels have no truth worth the name
+FALSE_STOP_CM = 20.0  # with more room than this straight before the rim nothing was there to stop for
+LOOK_STEP_CM = 0.5
 
 
 @dataclass(frozen=True)
@@ -73,6 +75,20 @@ def score_depths(
     return samples
 
 
+@dataclass(frozen=True)
+class Stop:
+    """The robot, until then on its way, commanded itself to stand."""
+
+    t_s: float
+    reason: str
+    true_room_cm: float  # straight before the rim, until something stands there; at most FALSE_STOP_CM
+
+    @property
+    def is_false(self) -> bool:
+        """Nothing was there to stop for."""
+        return self.true_room_cm >= FALSE_STOP_CM
+
+
 def region_mask(loops: Sequence[np.ndarray], shape: tuple[int, int]) -> np.ndarray:
     """Pixels (H, W) whose centres lie inside, even-odd over all loops, each (N, 2) in pixels."""
     height, width = shape
@@ -105,10 +121,14 @@ class Score:
     ----------
     samples : list[DepthSample]
         From the frames that were looked at, one each half second.
+    stops : list[Stop]
+        Every change from driving or turning to standing that does not end the drive.
     """
 
     def __init__(self, simulation: Simulation) -> None:
         self.samples: list[DepthSample] = []
+        self.stops: list[Stop] = []
+        self._moves = False
         self._simulation = simulation
         self._looked_s = -math.inf
 
@@ -120,6 +140,22 @@ class Score:
         renderer = self._simulation.renderer_at(t_s)
         truth = renderer.truth(self._simulation.true_pose(t_s))
         self.samples += score_depths(snapshot, report, truth, renderer.background_ids, t_s)
+
+    def hear(self, moves: bool, reason: str) -> None:
+        """Take in what the robot was just told to do, and why; not the end of a drive."""
+        if self._moves and not moves:
+            self.stops.append(Stop(self._simulation.clock.now_s(), reason, self.room_ahead_cm()))
+        self._moves = moves
+
+    def room_ahead_cm(self) -> float:
+        """How far the robot can truly go straight on, at most FALSE_STOP_CM; now."""
+        body = self._simulation.body
+        x, z, heading = body.axle
+        steps = np.arange(0.0, FALSE_STOP_CM + LOOK_STEP_CM / 2, LOOK_STEP_CM)
+        places = np.column_stack([x + steps * math.sin(heading), z + steps * math.cos(heading)])
+        world = self._simulation.world.at(body.time_us * 1e-6)
+        shut = world.distance_cm(places) < body.radius_cm
+        return float(steps[np.argmax(shut)]) if shut.any() else FALSE_STOP_CM
 
     def pose_error(self, estimate: Pose) -> dict[str, float]:
         """Distance in cm and angle in degrees from the true camera pose at ``estimate.t_s``.

@@ -142,3 +142,19 @@ def test_the_score_looks_twice_a_second_and_tells_things_from_room() -> None:
     assert summary["collisions"] == 0 and summary["true_distance_cm"] == 0.0
     assert summary["min_clearance_cm"] > 0
     assert score.summary(None)["final_pose_error"] is None
+
+
+@pytest.mark.parametrize(("z_cm", "room_cm"), [(20.0, 20.0), (60.0, 13.0), (70.0, 3.0)])
+def test_a_stop_is_false_where_nothing_stands_ahead(monkeypatch, z_cm: float, room_cm: float) -> None:
+    simulation = Simulation("sim:boxes")  # front faces at 85 cm, the robot's rim 12 cm before its middle
+    monkeypatch.setattr(type(simulation.body), "axle", (-16.0, z_cm, 0.0))
+    score = Score(simulation)
+    score.hear(moves=False, reason="not begun")
+    assert score.stops == []
+    score.hear(moves=True, reason="straight")
+    score.hear(moves=False, reason="stop: region 3")
+    score.hear(moves=False, reason="stop: region 3")
+    (stop,) = score.stops
+    assert stop.reason == "stop: region 3"
+    assert stop.true_room_cm == pytest.approx(room_cm, abs=0.5)
+    assert stop.is_false == (room_cm == 20.0)
