@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import math
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,10 +29,25 @@ class View:
     """Everything that was made of one frame."""
 
     frame: Frame
-    pose: Pose  # of the camera when the frame was taken
+    pose: Pose  # of the camera when the frame was taken, in the map's frame: the best there is
+    dead_reckoning: Pose  # the same by the wheels alone, with the measures they were configured with
     snapshot: Snapshot
     depths: DepthReport
     command: Command
+    stage_ms: dict[str, float]  # real time by stage: net, depth, localise, map, steer
+
+
+class Stages:
+    """Real time by stage, in the order they were passed."""
+
+    def __init__(self) -> None:
+        self.ms: dict[str, float] = {}
+
+    @contextmanager
+    def of(self, stage: str) -> Iterator[None]:
+        began_s = time.perf_counter()
+        yield
+        self.ms[stage] = 1e3 * (time.perf_counter() - began_s)
 
 
 class Pilot:
@@ -57,17 +75,27 @@ class Pilot:
 
     def take(self, frame: Frame, now_s: float) -> View:
         """Make a command of one frame; the decision is for ``now_s``, when the robot is further on."""
-        pose = self.odometry.pose_at(frame.t_s)
-        turned = None if self._last_rotation is None else self._last_rotation.T @ pose.rotation
-        self._last_rotation = pose.rotation
-        snapshot = self._net.track(frame.image, turned)
-        depths = self._depth.update(snapshot, pose)
-        here = self.odometry.pose_at(now_s)
-        x, z, _ = body_of(here, self._body.camera_ahead_cm)
-        self.map.stand_on(x, z)
-        self.map.update(snapshot, depths, pose, self._lens)
-        command = self._task.decide(self.map, here)
-        return View(frame, pose, snapshot, depths, command)
+        stages = Stages()
+        odometry = self.odometry.pose_at(frame.t_s)
+        with stages.of("net"):
+            snapshot = self._net.track(frame.image, self._turned(odometry))
+        with stages.of("depth"):
+            depths = self._depth.update(snapshot, odometry)
+        with stages.of("localise"):
+            pose = odometry
+            here = self.odometry.pose_at(now_s)
+        with stages.of("map"):
+            x, z, _ = body_of(here, self._body.camera_ahead_cm)
+            self.map.stand_on(x, z)
+            self.map.update(snapshot, depths, pose, self._lens)
+        with stages.of("steer"):
+            command = self._task.decide(self.map, here)
+        return View(frame, pose, odometry, snapshot, depths, command, stages.ms)
+
+    def _turned(self, pose: Pose) -> np.ndarray | None:
+        """Rotation since the last frame, by the wheels."""
+        last, self._last_rotation = self._last_rotation, pose.rotation
+        return None if last is None else last.T @ pose.rotation
 
     def path_step_cm(self, before: Pose | None, after: Pose) -> float:
         """Length of the straight line between two poses' axle middles, cm."""
