@@ -45,7 +45,7 @@ class Rig:
     def truth(self, log: DriveLog) -> dict[str, Any]:
         """The part of result.json that only the simulator knows; nulls elsewhere."""
         if self.score is None:
-            known = ("collisions", "run_into", "min_clearance_cm", "true_distance_cm")
+            known = ("collisions", "run_into", "min_clearance_cm", "true_distance_cm", "room_ahead_cm")
             return dict.fromkeys((*known, "final_pose_error", "depth_errors", "depths", "stops"))
         depths = [
             {

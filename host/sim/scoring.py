@@ -17,8 +17,9 @@ from host.sim.session import Simulation
 
 DEPTH_EVERY_S = 0.5  # neighbouring frames have nearly the same errors, and truth takes as long as a picture
 SMALLEST_PX = 20  # regions with fewer pixels have no truth worth the name
-FALSE_STOP_CM = 20.0  # with more room than this straight before the rim nothing was there to stop for
-LOOK_STEP_CM = 0.5
+FALSE_STOP_CM = 20.0  # with so much room straight before the rim nothing was there to stop for
+FARTHEST_CM = 150.0  # room ahead is looked for up to here
+LOOK_STEP_CM = 0.1
 
 
 @dataclass(frozen=True)
@@ -81,7 +82,7 @@ class Stop:
 
     t_s: float
     reason: str
-    true_room_cm: float  # straight before the rim, until something stands there; at most FALSE_STOP_CM
+    true_room_cm: float  # straight before the rim, until something stands there
 
     @property
     def is_false(self) -> bool:
@@ -148,14 +149,14 @@ class Score:
         self._moves = moves
 
     def room_ahead_cm(self) -> float:
-        """How far the robot can truly go straight on, at most FALSE_STOP_CM; now."""
+        """How far the robot can now truly go straight on, at most FARTHEST_CM."""
         body = self._simulation.body
         x, z, heading = body.axle
-        steps = np.arange(0.0, FALSE_STOP_CM + LOOK_STEP_CM / 2, LOOK_STEP_CM)
+        steps = np.arange(0.0, FARTHEST_CM, LOOK_STEP_CM)
         places = np.column_stack([x + steps * math.sin(heading), z + steps * math.cos(heading)])
         world = self._simulation.world.at(body.time_us * 1e-6)
         shut = world.distance_cm(places) < body.radius_cm
-        return float(steps[np.argmax(shut)]) if shut.any() else FALSE_STOP_CM
+        return float(steps[max(0, int(np.argmax(shut)) - 1)]) if shut.any() else FARTHEST_CM
 
     def pose_error(self, estimate: Pose) -> dict[str, float]:
         """Distance in cm and angle in degrees from the true camera pose at ``estimate.t_s``.
@@ -180,9 +181,9 @@ class Score:
         dict
             ``collisions`` that the robot drove into; ``run_into``, how often a mover ran into it while it
             stood; ``min_clearance_cm`` from the rim, also while standing; ``true_distance_cm`` of the axle's
-            middle; ``final_pose_error`` {position_cm, heading_deg} or None; ``depth_errors`` {count,
-            median_percent, p90_percent} of all regions, and the same of those that are no part of the room
-            in ``things``.
+            middle; ``room_ahead_cm`` at the end; ``final_pose_error`` {position_cm, heading_deg} or None;
+            ``depth_errors`` {count, median_percent, p90_percent} of all regions, and the same of those that
+            are no part of the room in ``things``.
         """
         body = self._simulation.body
         error = None if final is None else self.pose_error(final)
@@ -192,6 +193,7 @@ class Score:
             "run_into": body.run_into,
             "min_clearance_cm": round(body.min_clearance_cm, 2),
             "true_distance_cm": round(body.distance_cm, 2),
+            "room_ahead_cm": round(self.room_ahead_cm(), 2),
             "final_pose_error": error,
             "depth_errors": {**summarise(self.samples), "things": summarise(things)},
         }

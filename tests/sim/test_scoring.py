@@ -11,7 +11,7 @@ import pytest
 from host.depth.report import DepthReport, RegionDepth, VertexDepths
 from host.pose import Pose
 from host.rbdn.snapshot import Contour, Region, Snapshot, Vertices
-from host.sim.scoring import Score, pose_difference, region_mask, score_depths, summarise
+from host.sim.scoring import LOOK_STEP_CM, Score, pose_difference, region_mask, score_depths, summarise
 from host.sim.session import Simulation
 
 NONE_I, NONE_F, NONE_XY = np.zeros(0, np.int64), np.zeros(0), np.zeros((0, 2))
@@ -144,7 +144,7 @@ def test_the_score_looks_twice_a_second_and_tells_things_from_room() -> None:
     assert score.summary(None)["final_pose_error"] is None
 
 
-@pytest.mark.parametrize(("z_cm", "room_cm"), [(20.0, 20.0), (60.0, 13.0), (70.0, 3.0)])
+@pytest.mark.parametrize(("z_cm", "room_cm"), [(20.0, 53.0), (60.0, 13.0), (70.0, 3.0)])
 def test_a_stop_is_false_where_nothing_stands_ahead(monkeypatch, z_cm: float, room_cm: float) -> None:
     simulation = Simulation("sim:boxes")  # front faces at 85 cm, the robot's rim 12 cm before its middle
     monkeypatch.setattr(type(simulation.body), "axle", (-16.0, z_cm, 0.0))
@@ -156,5 +156,5 @@ def test_a_stop_is_false_where_nothing_stands_ahead(monkeypatch, z_cm: float, ro
     score.hear(moves=False, reason="stop: region 3")
     (stop,) = score.stops
     assert stop.reason == "stop: region 3"
-    assert stop.true_room_cm == pytest.approx(room_cm, abs=0.5)
-    assert stop.is_false == (room_cm == 20.0)
+    assert stop.true_room_cm == pytest.approx(room_cm, abs=LOOK_STEP_CM)
+    assert stop.is_false == (room_cm == 53.0)
