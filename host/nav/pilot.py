@@ -6,7 +6,7 @@ import math
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -69,6 +69,7 @@ class Pilot:
         self.odometry = Odometry(body)
         self.map = ObstacleMap(body, nav)
         self._lens, self._task, self._body = lens, task, body
+        self._configs = net, depth, nav
         self._net = Net(net, lens)
         self._depth = Estimator(lens, depth)
         self._last_rotation: np.ndarray | None = None
@@ -91,6 +92,23 @@ class Pilot:
         with stages.of("steer"):
             command = self._task.decide(self.map, here)
         return View(frame, pose, odometry, snapshot, depths, command, stages.ms)
+
+    def decide(self, now_s: float) -> Command:
+        """The command for ``now_s`` without a new frame: the robot is further on, and the map is as it was."""
+        return self._task.decide(self.map, self.odometry.pose_at(now_s))
+
+    def react_within(self, reaction_s: float) -> None:
+        """From now on it takes this long from the capture of a frame until the wheels act on it."""
+        if reaction_s != self.map.config.reaction_s:
+            self.map.config = replace(self.map.config, reaction_s=reaction_s)
+
+    def forget(self) -> None:
+        """The robot is somewhere else than its wheels say: see and remember everything anew."""
+        net, depth, nav = self._configs
+        self.map = ObstacleMap(self._body, nav)
+        self._net = Net(net, self._lens)
+        self._depth = Estimator(self._lens, depth)
+        self._last_rotation = None
 
     def _turned(self, pose: Pose) -> np.ndarray | None:
         """Rotation since the last frame, by the wheels."""
