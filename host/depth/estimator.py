@@ -12,7 +12,7 @@ import numpy as np
 from host.camera.lens import Lens
 from host.depth import _depth
 from host.depth.config import DepthConfig
-from host.depth.report import DepthReport, Estimate, RegionDepth, SolvedMotion, VertexDepths
+from host.depth.report import Correction, DepthReport, Estimate, RegionDepth, SolvedMotion, VertexDepths
 from host.pose import Pose
 from host.rbdn.snapshot import Contour, Snapshot
 
@@ -71,7 +71,11 @@ class Estimator:
             np.array([*pose.position_cm, pose.t_s, pose.sigma_z_cm, pose.sigma_rot_rad], float),
         )
         rotation, position = found["rotation"], found["position_cm"]
-        motion = SolvedMotion(replace(pose, rotation=rotation, position_cm=position), *found["motion"])
+        motion = SolvedMotion(
+            replace(pose, rotation=rotation, position_cm=position),
+            *found["motion"],
+            tuple(Correction(*row) for row in found["since"].tolist()),
+        )
         depths = VertexDepths(
             vertices.ids, found["xyz_cm"], found["vertex_sigma_cm"], found["vertex_sensitivity"]
         )

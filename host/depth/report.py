@@ -46,13 +46,39 @@ class VertexDepths:
 
 
 @dataclass(frozen=True)
+class Correction:
+    """By how much odometry was wrong between an earlier frame and the present one."""
+
+    since_s: float  # time of the earlier frame's pose
+    yaw_rad: float  # the camera turned so much further to the right than odometry says
+    sigma_yaw_rad: float
+    travel_cm: float  # and came so much further along the way; the scale of all travel shows in no picture
+    sigma_travel_cm: float
+
+
+@dataclass(frozen=True)
 class SolvedMotion:
-    """Where the camera really was, solved from the images on top of odometry."""
+    """Where the camera really was, solved from the images on top of odometry.
+
+    The corrections are those since the oldest frame that this one was compared with, ``since[0]``, and so
+    are their standard errors; where nothing could be compared they are what odometry is worth.
+    """
 
     camera: Pose  # the present pose, corrected
     pitch_rad: float  # the correction: about the camera's x axis
     yaw_rad: float  # about its y axis
     travel_cm: float  # along the way
+    since: tuple[Correction, ...] = ()  # against each of the kept frames, oldest first
+
+    @property
+    def sigma_yaw_rad(self) -> float | None:
+        """Standard error of ``yaw_rad``; None while there is no earlier frame."""
+        return self.since[0].sigma_yaw_rad if self.since else None
+
+    @property
+    def sigma_travel_cm(self) -> float | None:
+        """Standard error of ``travel_cm``, likewise."""
+        return self.since[0].sigma_travel_cm if self.since else None
 
 
 @dataclass(frozen=True)

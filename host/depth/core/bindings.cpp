@@ -206,6 +206,11 @@ class EstimatorCore {
         result["vertex_sigma_cm"] = to_array(found.vertices.sigma_cm, {vertices});
         result["vertex_sensitivity"] = to_array(found.vertices.sensitivity, {vertices});
         result["motion"] = nb::make_tuple(here.pitch_rad, here.yaw_rad, here.travel_cm);
+        std::vector<double> since;
+        for (const depth::Correction& c : estimator_.corrections())
+            since.insert(since.end(), {c.since_s, c.yaw_rad, c.yaw_sigma_rad, c.travel_cm,
+                                       c.travel_sigma_cm});
+        result["since"] = to_array(since, {since.size() / 5, 5});
         result["rotation"] = to_array(std::vector<double>(turned.m.begin(), turned.m.end()), {3, 3});
         result["position_cm"] = to_array(std::vector<double>{at.x, at.y, at.z}, {3});
         return result;

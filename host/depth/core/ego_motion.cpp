@@ -158,6 +158,31 @@ MotionPrior EgoMotion::prior(const Path& path, const std::vector<int>& frames) c
     return out;
 }
 
+std::vector<Correction> EgoMotion::corrections(const Path& path, const std::vector<int>& frames,
+                                               const std::vector<double>& covariance) const {
+    const std::size_t m = 3 * frames.size();
+    const Station& now = path.at(frames[0]);
+    std::vector<Correction> out;
+    for (std::size_t a = 1; a < frames.size(); ++a) {
+        const Station& then = path.at(frames[a]);
+        Correction c{then.t_s, now.yaw_rad - then.yaw_rad, 0.0, now.travel_cm - then.travel_cm, 0.0};
+        const auto variance = [&](std::size_t i) {
+            return covariance[i * m + i] + covariance[(3 * a + i) * m + 3 * a + i] - 2 * covariance[i * m + 3 * a + i];
+        };
+        if (covariance.empty()) {
+            c.yaw_sigma_rad = std::sqrt(turn_excess_ * (now.turn_variance_rad2 - then.turn_variance_rad2 +
+                                                        now.timing_variance_rad2 + then.timing_variance_rad2));
+            c.travel_sigma_cm = std::sqrt(travel_excess_ * (now.travel_variance_cm2 - then.travel_variance_cm2 +
+                                                            now.reading_variance_cm2 + then.reading_variance_cm2));
+        } else {
+            c.yaw_sigma_rad = std::sqrt(std::max(0.0, variance(1)));
+            c.travel_sigma_cm = std::sqrt(std::max(0.0, variance(2)));
+        }
+        out.push_back(c);
+    }
+    return out;
+}
+
 void EgoMotion::learn(Path& path, const std::vector<int>& frames,
                       const std::vector<std::array<double, 3>>& cameras, const std::vector<double>& covariance) {
     const std::size_t count = frames.size(), m = 3 * count;

@@ -16,6 +16,13 @@
 
 namespace depth {
 
+// How far odometry was off between an earlier frame and the present one.
+struct Correction {
+    double since_s = 0.0;  // time of the earlier one
+    double yaw_rad = 0.0, yaw_sigma_rad = 0.0;
+    double travel_cm = 0.0, travel_sigma_cm = 0.0;
+};
+
 class EgoMotion {
   public:
     explicit EgoMotion(const Camera& camera) : camera_(camera) {}
@@ -40,6 +47,11 @@ class EgoMotion {
     // covariance: (3 C, 3 C) of pitch, yaw and travel
     void learn(Path& path, const std::vector<int>& frames, const std::vector<std::array<double, 3>>& cameras,
                const std::vector<double>& covariance);
+
+    // Corrections of the present frame, the first of `frames`, against each of the others: as they were solved,
+    // or as they are without any picture of now where the covariance (as for `learn`) is empty.
+    std::vector<Correction> corrections(const Path& path, const std::vector<int>& frames,
+                                        const std::vector<double>& covariance) const;
 
     // Relative standard error of all lengths, from the readings of the travelled distance.
     double scale_sigma() const { return scale_sigma_; }

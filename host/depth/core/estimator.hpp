@@ -52,6 +52,7 @@ class Estimator {
 
     // The frame just taken in: pose and corrections.
     const Path& path() const { return path_; }
+    const std::vector<Correction>& corrections() const { return outline_.corrections(); }
     int present() const { return present_; }
 
   private:

@@ -105,6 +105,7 @@ std::vector<OutlineAnswer> OutlineMethod::answers(const FrameView& frame, Path& 
         reach_cm = std::max(reach_cm, path.distance_cm(k.frame, present));
         then.push_back(&k), frames.push_back(k.frame);
     }
+    corrections_ = ego.corrections(path, frames, {});
     if (reach_cm < config_.min_step_cm) return none("no motion yet");
     std::vector<Vec2> middle;
     std::vector<Extent> extents;
@@ -192,6 +193,7 @@ std::vector<OutlineAnswer> OutlineMethod::answers(const FrameView& frame, Path& 
     // at rest nothing new is learnt
     if (path.distance_cm(keyframes_.back().frame, present) >= config_.min_step_cm)
         ego.learn(path, frames, cameras, fit.camera_covariance());
+    corrections_ = ego.corrections(path, frames, fit.camera_covariance());
 
     std::vector<Shape> shapes(n);
     for (std::size_t i = 0; i < samples.rows.size(); ++i) {

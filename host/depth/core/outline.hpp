@@ -66,6 +66,9 @@ class OutlineMethod {
     // Of the vertices of the frame that `update` was given last, row by row.
     const std::vector<Corner>& corners() const { return corners_; }
 
+    // Against each earlier frame that the last one was compared with, oldest first.
+    const std::vector<Correction>& corrections() const { return corrections_; }
+
     // Frames that the path must keep.
     std::set<int> frames() const;
 
@@ -93,6 +96,7 @@ class OutlineMethod {
     OutlineConfig config_;
     std::vector<Keyframe> keyframes_;  // oldest first
     std::vector<Corner> corners_;
+    std::vector<Correction> corrections_;
     std::map<std::int64_t, Clarity> clarity_;
     std::map<std::int64_t, Whole> whole_;
 };
