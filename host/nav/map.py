@@ -9,14 +9,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
 from host.camera.lens import Lens
 from host.depth.report import DepthReport
 from host.nav.config import BodyConfig, NavConfig
-from host.nav.floor import NO_REGION, STEP_PX, FloorFinder, label_image, rays_of
+from host.nav.floor import FloorFinder
 from host.nav.odometry import heading_of
+from host.nav.picture import NO_REGION, STEP_PX, Picture, rays_of
 from host.nav.stand import AT_BORDER, SURE, Feet, Standing, stand_of, usable_depth
 from host.pose import Pose
 from host.rbdn.snapshot import Snapshot
@@ -106,31 +108,34 @@ class ObstacleMap:
     def stand_on(self, x_cm: float, z_cm: float) -> None:
         """The robot stands here, so here is free."""
         r = self.body.radius_cm
-        near = (self.centres_cm[None, :] - x_cm) ** 2 + (self.centres_cm[:, None] - z_cm) ** 2 < r * r
-        self.evidence[near] = np.minimum(self.evidence[near], 2 * FREE)
+        r0, c0 = self.cell_of(x_cm - r, z_cm - r)
+        r1, c1 = self.cell_of(x_cm + r, z_cm + r)
+        here = slice(r0, r1 + 1), slice(c0, c1 + 1)
+        dx, dz = self.centres_cm[here[1]] - x_cm, self.centres_cm[here[0]] - z_cm
+        near = dx[None, :] ** 2 + dz[:, None] ** 2 < r * r
+        self.evidence[here][near] = np.minimum(self.evidence[here][near], 2 * FREE)
 
     def update(self, snapshot: Snapshot, report: DepthReport, pose: Pose, lens: Lens) -> None:
         """Take in one frame. The pose is the camera's, level up to SIGMA_RAY."""
         self._fade(pose.t_s)
-        labels = label_image(snapshot, lens)
-        rays = rays_of(labels.shape, lens, pose)
-        floor, unsure = self.floor.update(snapshot, report, pose, labels, rays)
-        feet = Feet(labels, floor, unsure, rays, self.body.camera_height_cm)
+        picture = Picture(snapshot, lens, rays_of(lens, pose))
+        self.floor.update(snapshot, report, pose, picture)
+        feet = Feet(picture, self.floor, pose, self.body.camera_height_cm)
         standing = []
         for region in snapshot.regions:
             if self.floor.is_floor(region.id) or self.floor.is_mixed(region.id):
                 continue
-            found = stand_of(region, report, feet, labels, self._front_cm.get(region.id))
-            if found is None or (found.how == AT_BORDER and self._remembers(found, feet, pose)):
+            found = stand_of(region.id, report, feet, picture, self._front_cm.get(region.id))
+            if found is None or (found.how == AT_BORDER and self._remembers(found, feet)):
                 continue
-            if found.how == "foot" and (cut := found.where(feet.cut)) and self._remembers(cut, feet, pose):
+            if found.how == "foot" and (cut := found.where(feet.cut)) and self._remembers(cut, feet):
                 if (rest := found.where(~feet.cut)) is not None:
                     standing.append(rest)
                 continue
             standing.append(found)
             self._learn_front(found, report)
-            self.obstacles[region.id] = _obstacle(found, feet, pose)
-        self._paint(pose, lens, feet, np.asarray(unsure.any(axis=0)), standing)
+            self.obstacles[region.id] = _obstacle(found, feet, pose.t_s)
+        self._paint(pose, lens, feet, standing)
 
     def _learn_front(self, standing: Standing, report: DepthReport) -> None:
         """By how much the front lies before the mean depth, from when the thing is seen to stand."""
@@ -141,12 +146,12 @@ class ObstacleMap:
         before = self._front_cm.get(standing.region, front)
         self._front_cm[standing.region] = before + FRONT_GAIN * (front - before)
 
-    def _remembers(self, standing: Standing, feet: Feet, pose: Pose) -> bool:
+    def _remembers(self, standing: Standing, feet: Feet) -> bool:
         """Whether something is known to be at least as near as the lower border there."""
         column = int(standing.columns[len(standing.columns) // 2])
         border = float(feet.depth_cm[column])
-        depths = np.arange(0.0, border + self.config.cell_cm, self.config.cell_cm)
-        return any(self.evidence[self.cell_of(*feet.point(pose, column, d))] > OCCUPIED for d in depths)
+        depths = np.arange(0.0, border + self.config.cell_cm, self.config.cell_cm).tolist()
+        return any(self.evidence[self.cell_of(*feet.point(column, d))] > OCCUPIED for d in depths)
 
     def _fade(self, t_s: float) -> None:
         if self._t_s is not None:
@@ -157,62 +162,86 @@ class ObstacleMap:
 
     # ---- the grid ----
 
-    def _paint(
-        self, pose: Pose, lens: Lens, feet: Feet, unsure: np.ndarray, standing: list[Standing]
-    ) -> None:
-        """Change the evidence of the cells in view; ``unsure`` marks columns whose floor may be a wall."""
-        width = len(feet.region)
-        rows, cols, depth, column = self._cells_in_view(pose, lens, width)
-        before, owner = self.evidence[rows, cols], self.region[rows, cols]
+    def _paint(self, pose: Pose, lens: Lens, feet: Feet, standing: list[Standing]) -> None:
+        """Change the evidence of the cells in view."""
+        cells, depth, column = self._cells_in_view(pose, lens, feet.across)
+        evidence, region = self.evidence.reshape(-1), self.region.reshape(-1)
+        before, owner = evidence[cells], region[cells]
         half = self.config.cell_cm / 2
         free_to = feet.free_cm.copy()
         for thing in standing:
             near = thing.depth_cm - 2 * thing.sigma_cm
             free_to[thing.columns] = np.minimum(free_to[thing.columns], near)
         change = np.zeros(len(depth), np.float32)
-        empty = (depth < free_to[column] - half) & (depth > feet.nearest_cm)
+        empty = (depth < (free_to - half)[column]) & (depth > feet.nearest_cm)
         change[empty] = SEEN_EMPTY
-        change[empty & unsure[column]] = SEEN_EMPTY / 4
-        change[empty & unsure[column] & (before < BARELY_FREE)] = 0.0
+        if feet.unsure.any():
+            doubtful = empty & feet.unsure[column]
+            change[doubtful] = np.where(before[doubtful] < BARELY_FREE, 0.0, SEEN_EMPTY / 4)
 
-        behind = [depth - thing.by_column(width)[column] for thing in standing]
-        for thing, off in zip(standing, behind, strict=True):  # where it was thought to be nearer: unknown
-            moved = (owner == thing.region) & (off < -(self.config.cell_cm + thing.sigma_cm)) & (before > 0)
-            change[moved] = np.maximum(SEEN_EMPTY, -before[moved])
-        for thing, off in zip(standing, behind, strict=True):
+        by_column = [np.full(len(feet.region), np.nan) for _ in standing]
+        behind = []
+        for thing, front in zip(standing, by_column, strict=True):
+            front[thing.columns] = thing.depth_cm
+            mine = np.flatnonzero(np.isfinite(front)[column])
+            behind.append((mine, depth[mine] - front[column[mine]]))
+        for thing, (mine, off) in zip(standing, behind, strict=True):  # was thought to be nearer: unknown
+            was = before[mine]
+            moved = (
+                (owner[mine] == thing.region) & (off < -(self.config.cell_cm + thing.sigma_cm)) & (was > 0)
+            )
+            change[mine[moved]] = np.maximum(SEEN_EMPTY, -was[moved])
+        for thing, (mine, off) in zip(standing, behind, strict=True):
             shell = max(SHELL_CM, thing.sigma_cm)
-            filled = (off > -min(half + 0.5 * thing.sigma_cm, 3 * half)) & (off < shell)
-            presumed = (off >= shell) & (off < min(thing.width_cm(lens), DEEPEST_CM))
-            if thing.how == AT_BORDER:
-                filled, presumed = np.zeros(len(off), bool), filled | presumed
-            presumed &= np.abs(before) < PRESUMED
-            change[filled | presumed] = thing.weight
-            owner = np.where(filled | presumed, thing.region, owner)
-        self.evidence[rows, cols] = np.clip(before + change, -LIMIT, LIMIT)
-        self.region[rows, cols] = owner
+            deep = max(shell, min(thing.width_cm(lens), DEEPEST_CM))
+            known = np.abs(before[mine]) >= PRESUMED
+            filled = (off > -min(half + 0.5 * thing.sigma_cm, 3 * half)) & (off < deep)
+            filled &= ~known if thing.how == AT_BORDER else (off < shell) | ~known
+            change[mine[filled]] = thing.weight
+            owner[mine[filled]] = thing.region
+        evidence[cells] = np.clip(before + change, -LIMIT, LIMIT)
+        region[cells] = owner
 
-    def _cells_in_view(self, pose: Pose, lens: Lens, width: int):
-        """(rows, columns, depth, image column) of the map's cells before the camera, each (N,)."""
+    def _cells_in_view(self, pose: Pose, lens: Lens, across: np.ndarray):
+        """(index into the flat grid, depth, image column) of the map's cells before the camera, each (N,)."""
         x0, z0 = float(pose.position_cm[0]), float(pose.position_cm[2])
-        r0, c0 = self.cell_of(x0 - RANGE_CM, z0 - RANGE_CM)
-        r1, c1 = self.cell_of(x0 + RANGE_CM, z0 + RANGE_CM)
-        dx = self.centres_cm[None, c0 : c1 + 1] - x0
-        dz = self.centres_cm[r0 : r1 + 1, None] - z0
         heading = heading_of(pose)
-        depth = (dx * math.sin(heading) + dz * math.cos(heading)).ravel()
-        side = (dx * math.cos(heading) - dz * math.sin(heading)).ravel()
-        cells = np.nonzero(
-            (depth > 1.0) & (depth < RANGE_CM) & (np.abs(side) < depth * lens.width / lens.fx)
-        )[0]
-        depth, side = depth[cells], side[cells]
-        pixel = lens.to_pixels(np.column_stack([side / depth, np.zeros(len(depth))]))[:, 0]
+        sine, cosine = math.sin(heading), math.cos(heading)
+        left, right = float(across[0]) - 0.02, float(across[-1]) + 0.02
+        corners_x = [x0, *(x0 + RANGE_CM * (sine + a * cosine) for a in (left, right))]
+        corners_z = [z0, *(z0 + RANGE_CM * (cosine - a * sine) for a in (left, right))]
+        r0, c0 = self.cell_of(min(corners_x), min(corners_z))
+        r1, c1 = self.cell_of(max(corners_x), max(corners_z))
+        dx, dz = self.centres_cm[c0 : c1 + 1] - x0, self.centres_cm[r0 : r1 + 1, None] - z0
+        depth = ((dx * sine)[None, :] + dz * cosine).ravel()
+        side = ((dx * cosine)[None, :] - dz * sine).ravel()
+        inside = np.flatnonzero(
+            (depth > 1.0) & (depth < RANGE_CM) & (side > left * depth) & (side < right * depth)
+        )
+        depth = depth[inside]
+        pixel = _pixel_of(side[inside] / depth, lens)
         column = np.floor((pixel + 0.5) / STEP_PX).astype(int)
-        seen = (column >= 0) & (column < width)
-        rows, cols = np.divmod(cells[seen], c1 - c0 + 1)
-        return rows + r0, cols + c0, depth[seen], column[seen]
+        seen = (column >= 0) & (column < len(across))
+        rows, cols = np.divmod(inside[seen], c1 - c0 + 1)
+        return (rows + r0) * len(self.centres_cm) + cols + c0, depth[seen], column[seen]
 
 
-def _obstacle(standing: Standing, feet: Feet, pose: Pose) -> Obstacle:
-    left = feet.point(pose, int(standing.columns[0]), float(standing.depth_cm[0]))
-    right = feet.point(pose, int(standing.columns[-1]), float(standing.depth_cm[-1]))
-    return Obstacle(standing.region, standing.mean_cm, standing.sigma_cm, standing.how, left, right, pose.t_s)
+def _pixel_of(across: np.ndarray, lens: Lens) -> np.ndarray:
+    """Image x of level rays (N,) = X/Z."""
+    if not any(lens.distortion):
+        return across * lens.fx + lens.cx
+    rays, pixels = _level_line(lens)
+    return np.interp(across, rays, pixels)
+
+
+@lru_cache(maxsize=2)
+def _level_line(lens: Lens) -> tuple[np.ndarray, np.ndarray]:
+    """X/Z of level rays across the image and beyond it, and the image x of each."""
+    rays = np.linspace(-1.2, 1.2, 4 * lens.width) * lens.width / lens.fx
+    return rays, lens.to_pixels(np.column_stack([rays, np.zeros(len(rays))]))[:, 0]
+
+
+def _obstacle(standing: Standing, feet: Feet, t_s: float) -> Obstacle:
+    left = feet.point(int(standing.columns[0]), float(standing.depth_cm[0]))
+    right = feet.point(int(standing.columns[-1]), float(standing.depth_cm[-1]))
+    return Obstacle(standing.region, standing.mean_cm, standing.sigma_cm, standing.how, left, right, t_s)

@@ -19,11 +19,12 @@ import numpy as np
 
 from host.camera.lens import Lens
 from host.depth.report import DepthReport
-from host.nav.floor import FARTHEST_CM, NO_REGION, SIGMA_RAY, STEP_PX, Rays
+from host.nav.floor import FARTHEST_CM, SIGMA_RAY, FloorFinder
 from host.nav.odometry import heading_of
+from host.nav.picture import NO_REGION, STEP_PX, Picture
 from host.pose import Pose
-from host.rbdn.snapshot import Region
 
+MIXED_CM = 90.0  # of a region that is floor and wall in one, floor is what would be nearer than this
 USABLE = 0.25  # a depth with a larger relative sigma places nothing
 STRAIGHT = 0.006  # rms of a straight wall's feet about their line, as a slope: 2 px at 280 px focal length
 WALL_CM = 70.0  # what is wider than this has a front as its feet have it, what is narrower a flat one
@@ -68,59 +69,71 @@ class Standing:
 
 
 class Feet:
-    """Per column of the label image the first thing above the floor.
+    """Per column of the picture the first thing above the floor.
 
     Attributes
     ----------
     region : (W / 2,) its id, NO_REGION where only floor is seen
-    depth_cm, sigma_cm : (W / 2,) of its foot
+    slope, depth_cm : (W / 2,) Y/Z of its foot, and how far that is
     free_cm : (W / 2,) depth up to which floor is seen
     cut : (W / 2,) bool, no floor is seen at all: the foot is at or below the image's lower border
+    unsure : (W / 2,) bool, what is seen as floor there may be wall
     nearest_cm : where the view of the floor begins
     """
 
-    def __init__(
-        self, labels: np.ndarray, floor: np.ndarray, unsure: np.ndarray, rays: Rays, height_cm: float
-    ) -> None:
-        rows, cols = labels.shape
-        column = np.arange(cols)
-        self._across, self.height_cm = rays.across, height_cm
-        passable = floor | unsure | (labels == NO_REGION)
-        row, open_ended, self.cut = _first_other(passable)
-        self.region = np.where(open_ended, NO_REGION, labels[row, column])
+    def __init__(self, picture: Picture, floor: FloorFinder, pose: Pose, height_cm: float) -> None:
+        labels, rays = picture.labels, picture.rays
+        column = np.arange(len(labels))
+        self.across, self.height_cm = rays.across, height_cm
+        ids = picture.ids.tolist()
+        is_floor = np.array([i == NO_REGION or floor.is_floor(i) for i in ids])
+        is_mixed = np.array([floor.is_mixed(i) for i in ids])
+        surely = passable = is_floor[labels]
+        self.unsure = np.zeros(len(labels), bool)
+        if is_mixed.any():
+            mixed = is_mixed[labels]
+            below = mixed & (rays.down > height_cm / FARTHEST_CM)
+            passable = surely | below
+            surely = surely | (mixed & (rays.down > height_cm / MIXED_CM))
+            self.unsure = np.asarray(below.any(axis=1))
+        row, open_ended = _first_other(passable)
+        self.cut = (row == 0) & ~open_ended
+        self.region = np.where(open_ended, NO_REGION, picture.ids[labels[column, row]])
         # the foot's ray passes between the foot's pixel and the floor's pixel below it
-        below = np.minimum(row + 1, rows - 1)
-        slope = 0.5 * (rays.down[row, column] + rays.down[below, column])
+        slope = 0.5 * (rays.down[column, row] + rays.down[column, np.maximum(row - 1, 0)])
         self.depth_cm = np.minimum(height_cm / np.maximum(slope, 1e-6), FARTHEST_CM)
-        self.sigma_cm = self.depth_cm**2 / height_cm * SIGMA_RAY
-        row, _, _ = _first_other(floor | (labels == NO_REGION))
-        slope = np.maximum(rays.down[np.minimum(row + 1, rows - 1), column], 1e-6)
+        self.slope = height_cm / self.depth_cm
+        if surely is not passable:
+            row, _ = _first_other(surely)
+        slope = np.maximum(rays.down[column, np.maximum(row - 1, 0)], 1e-6)
         self.free_cm = np.minimum(height_cm / slope, FARTHEST_CM)
         self.free_cm -= 2 * self.free_cm**2 / height_cm * SIGMA_RAY
-        self.nearest_cm = float(height_cm / rays.down[-1].max())
+        self.nearest_cm = height_cm / rays.steepest
+        heading = heading_of(pose)
+        self._ahead = math.sin(heading), math.cos(heading)
+        self._from = float(pose.position_cm[0]), float(pose.position_cm[2])
 
     def width_cm(self, columns: np.ndarray, depth_cm: float) -> float:
         """Width of what spans these columns at a depth."""
-        return float(self._across[columns[-1]] - self._across[columns[0]]) * depth_cm
+        return float(self.across[columns[-1]] - self.across[columns[0]]) * depth_cm
 
-    def point(self, pose: Pose, column: int, depth_cm: float) -> tuple[float, float]:
+    def point(self, column: int, depth_cm: float) -> tuple[float, float]:
         """(x, z) in the odometry frame of a depth in a column."""
-        heading = heading_of(pose)
-        side = self._across[column] * depth_cm
-        x = pose.position_cm[0] + depth_cm * math.sin(heading) + side * math.cos(heading)
-        z = pose.position_cm[2] + depth_cm * math.cos(heading) - side * math.sin(heading)
-        return float(x), float(z)
+        side = float(self.across[column]) * depth_cm
+        sine, cosine = self._ahead
+        x, z = self._from
+        return x + depth_cm * sine + side * cosine, z + depth_cm * cosine - side * sine
 
 
-def _first_other(mask: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Upwards in each column: row of the first pixel not in the mask, is there none, is it the lowest."""
-    up = np.argmax(~mask[::-1], axis=0)
-    none = np.asarray(mask.all(axis=0))
-    return np.where(none, 0, len(mask) - 1 - up), none, (up == 0) & ~none
+def _first_other(mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Upwards in each column: row of the first pixel not in the mask, the top one if none; is there none."""
+    row = mask.argmin(axis=1)
+    none = mask[np.arange(len(mask)), row]
+    return np.where(none, mask.shape[1] - 1, row), none
 
 
 def stand_of(
-    region: Region, report: DepthReport, feet: Feet, labels: np.ndarray, front_cm: float | None = None
+    region_id: int, report: DepthReport, feet: Feet, picture: Picture, front_cm: float | None = None
 ) -> Standing | None:
     """Where a region that is not floor stands; None while nothing is known of it.
 
@@ -129,41 +142,51 @@ def stand_of(
     `front_cm` before its mean depth, as it did when its foot was last seen. Where much of the foot is below
     the image it is nearer than the border: what little of a foot is left to see then says nothing.
     """
-    measured = usable_depth(report, region.id)
-    covered = np.nonzero((labels == region.id).any(axis=0))[0]
-    columns = np.nonzero((feet.region == region.id) & ~feet.cut)[0]
-    cut = np.nonzero((feet.region == region.id) & feet.cut)[0]
+    measured = usable_depth(report, region_id)
+    covered = picture.columns_of(region_id)
+    mine = feet.region == region_id
+    columns, cut = np.flatnonzero(mine & ~feet.cut), np.flatnonzero(mine & feet.cut)
     mostly_cut = len(cut) >= LEAST_COLUMNS and len(cut) > CUT_PART * (len(columns) + len(cut))
     if len(columns) >= LEAST_COLUMNS and (not mostly_cut or _is_straight_wall(feet, columns, covered)):
-        return _on_its_feet(region.id, measured, feet, columns, covered)
+        return _on_its_feet(region_id, measured, feet, columns, covered)
     if measured is not None:
         if len(covered) == 0:
             return None
         z, sigma, how = measured
         front = z - (MEAN_TO_FRONT * feet.width_cm(covered, z) if front_cm is None else front_cm)
         if not mostly_cut or front <= float(feet.depth_cm[cut].mean()):
-            return Standing(region.id, covered, np.full(len(covered), front), z, sigma, how, FAIR)
+            return Standing(region_id, covered, np.full(len(covered), front), z, sigma, how, FAIR)
     if len(cut) < LEAST_COLUMNS:
         return None
     depth = feet.depth_cm[cut]
     mean = float(depth.mean())
-    return Standing(region.id, cut, depth, mean, 0.25 * mean, AT_BORDER, FAINT)
+    return Standing(region_id, cut, depth, mean, 0.25 * mean, AT_BORDER, FAINT)
 
 
 def _is_straight_wall(feet: Feet, columns: np.ndarray, covered: np.ndarray) -> bool:
     """Whether the feet in these columns lie on one line that goes on below the image."""
-    slopes = feet.height_cm / feet.depth_cm[columns]
-    nearest = float(np.percentile(slopes, 90))
+    slopes = feet.slope[columns]
+    nearest = _quantile(np.sort(slopes), 0.9)
     if feet.width_cm(covered, feet.height_cm / nearest) <= WALL_CM:
         return False
     return _straight_line(columns, slopes) is not None
 
 
-def _straight_line(columns: np.ndarray, slopes: np.ndarray) -> np.polynomial.Polynomial | None:
-    """The line through slopes over columns; None where they do not lie on one."""
-    line = np.polynomial.Polynomial.fit(columns, slopes, 1)
-    off = float(np.sqrt(np.mean((slopes - line(columns)) ** 2)))
-    return line if off < STRAIGHT else None
+def _straight_line(columns: np.ndarray, slopes: np.ndarray) -> tuple[float, float] | None:
+    """Offset and rise of the line through slopes over columns; None where they do not lie on one."""
+    middle, mean = float(columns.mean()), float(slopes.mean())
+    away, off = columns - middle, slopes - mean
+    rise = float(away @ off) / float(away @ away)
+    off -= rise * away
+    return (mean - rise * middle, rise) if math.sqrt(float(off @ off) / len(off)) < STRAIGHT else None
+
+
+def _quantile(ordered: np.ndarray, part: float) -> float:
+    """Of values in order, between its neighbours in proportion."""
+    place = part * (len(ordered) - 1)
+    k = int(place)
+    low, high = float(ordered[k]), float(ordered[min(k + 1, len(ordered) - 1)])
+    return low + (place - k) * (high - low)
 
 
 def _on_its_feet(
@@ -173,10 +196,11 @@ def _on_its_feet(
     columns: np.ndarray,
     covered: np.ndarray,
 ) -> Standing | None:
-    slopes = feet.height_cm / feet.depth_cm[columns]
-    nearest = float(np.percentile(slopes, 90))
+    slopes = feet.slope[columns]
+    ordered = np.sort(slopes)
+    nearest = _quantile(ordered, 0.9)
     wall = feet.width_cm(covered, feet.height_cm / nearest) > WALL_CM
-    foot_slope = float(np.mean(slopes)) if wall else nearest
+    foot_slope = float(slopes.mean()) if wall else nearest
     slope, sigma, how, weight = _agreed(foot_slope, measured, feet.height_cm)
     z = feet.height_cm / slope
     sigma_cm = sigma * z**2 / feet.height_cm
@@ -185,12 +209,12 @@ def _on_its_feet(
     if wall:
         line = _straight_line(columns, slopes)
         if line is not None:
-            columns = np.nonzero(feet.region == region)[0]  # also where its feet are below the image
-            slopes = line(columns)
+            columns = np.flatnonzero(feet.region == region)  # also where its feet are below the image
+            slopes = line[0] + line[1] * columns
         depth = feet.height_cm / np.maximum(slopes, feet.height_cm / FARTHEST_CM)
         return Standing(region, columns, depth, z, sigma_cm, how, weight)
     bulge = 0.0
-    if float(np.percentile(slopes, 10)) < HANGING * nearest:
+    if _quantile(ordered, 0.1) < HANGING * nearest:
         touching = float((slopes > nearest / TOUCHING).sum()) / len(covered)
         bulge = 0.5 * (1 - touching) * feet.width_cm(covered, z)
     return Standing(region, covered, np.full(len(covered), z - bulge), z, sigma_cm, how, weight)

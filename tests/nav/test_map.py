@@ -5,16 +5,19 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 from planar_world import FLOOR_ID, LENS, WALL_ID, Box, PlanarWorld
 
 from host.depth.report import DepthReport, RegionDepth, VertexDepths
 from host.nav.config import BodyConfig, NavConfig
-from host.nav.floor import Rays
+from host.nav.floor import FloorFinder
 from host.nav.map import FREE, OCCUPIED, ObstacleMap
+from host.nav.picture import Picture, rays_of
 from host.nav.stand import AT_BORDER, Feet, stand_of
 from host.pose import Pose
+from host.rbdn.snapshot import Snapshot
 
 BOX = Box(-10, 90, 14, 110, 30)
 NO_VERTICES = VertexDepths(np.empty(0, np.int64), np.empty((0, 3)), np.empty(0))
@@ -32,6 +35,24 @@ def look(world: PlanarWorld, obstacle_map: ObstacleMap, depths: dict[int, tuple[
         pose = Pose.planar(x, z, world.heading, t_s=world.t_s + k / 10)
         obstacle_map.update(snapshot, DepthReport(found, NO_VERTICES), pose, LENS)
     return obstacle_map
+
+
+def of_labels(labels: np.ndarray) -> Snapshot:
+    """A snapshot with one region for every number of an image."""
+    template = PlanarWorld([]).see()[0]
+    regions = []
+    for n in np.unique(labels):
+        outlines, _ = cv2.findContours((labels == n).astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+        loops = tuple(outline.reshape(-1, 2).astype(float) for outline in outlines)
+        none = tuple(np.zeros(len(loop), np.int64) for loop in loops)
+        rgb = (120.0, 100.0, 80.0) if n == FLOOR_ID else (200.0, 20.0 * float(n), 90.0)
+        regions.append(
+            replace(
+                template.regions[0], id=int(n), area_px=float((labels == n).sum()), mean_rgb=rgb, loops=loops,
+                loop_vertices=none, loop_neighbours=none,
+            )
+        )  # fmt: skip
+    return replace(template, regions=tuple(regions))
 
 
 def fresh() -> ObstacleMap:
@@ -197,19 +218,22 @@ def test_a_box_cut_by_the_lower_border_stays_where_it_was_seen_to_stand():
 
 def test_where_most_of_a_foot_is_below_the_picture_what_is_left_of_it_is_no_place():
     labels = np.full((120, 160), 2, np.int32)
-    labels[60:, :] = FLOOR_ID
+    labels[66:, :] = FLOOR_ID
     labels[40:, 50:110] = 10  # down to the lower border
     labels[115:, 50:60] = FLOOR_ID  # but for a sliver
-    x = (np.arange(160) - 80) / 130
-    rays = Rays(x, np.repeat((np.arange(120)[:, None] - 60) / 130, 160, axis=1))
-    feet = Feet(labels, labels == FLOOR_ID, np.zeros(labels.shape, bool), rays, 15.0)
-    region = replace(PlanarWorld([BOX]).see()[0].regions[0], id=10)
+    snapshot = of_labels(np.kron(labels, np.ones((2, 2), np.int32)))
+    level = Pose.planar(0.0, 0.0, 0.0)
+    picture = Picture(snapshot, LENS, rays_of(LENS, level))
+    floor = FloorFinder(15.0)
     nothing = DepthReport({}, NO_VERTICES)
-    found = stand_of(region, nothing, feet, labels)
+    floor.update(snapshot, nothing, level, picture)
+    assert floor.is_floor(FLOOR_ID)
+    feet = Feet(picture, floor, level, 15.0)
+    found = stand_of(10, nothing, feet, picture)
     assert found is not None and found.how == AT_BORDER
     near = DepthReport({10: RegionDepth(25.0, 1.0, "area", None)}, NO_VERTICES)
-    found = stand_of(region, near, feet, labels)
+    found = stand_of(10, near, feet, picture)
     assert found is not None and found.how == "area" and found.mean_cm == 25.0
     far = DepthReport({10: RegionDepth(60.0, 1.0, "area", None)}, NO_VERTICES)
-    found = stand_of(region, far, feet, labels)
+    found = stand_of(10, far, feet, picture)
     assert found is not None and found.how == AT_BORDER

@@ -1,0 +1,139 @@
+"""Where the regions of one frame lie, column by column from the lower border up, and along which rays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
+
+import cv2
+import numpy as np
+
+from host.camera.lens import Lens
+from host.nav.odometry import heading_of
+from host.pose import Pose
+from host.rbdn.snapshot import Snapshot
+
+STEP_PX = 2  # the regions are looked at on every second pixel
+NO_REGION = -1
+FAR = 50.0  # camera heights; where level rays meet the floor is of no interest
+LEVEL = 1e-9  # a rotation's part that is no more than rounding
+
+
+@dataclass(frozen=True, eq=False)
+class Rays:
+    """Directions of the looked-at pixels with pitch and roll taken out, heading left in."""
+
+    across: np.ndarray  # (W / 2,) X/Z of the column
+    down: np.ndarray  # (W / 2, H / 2) Y/Z, lowest pixel first
+    _flatter: dict[float, np.ndarray] = field(default_factory=dict, repr=False)
+
+    @cached_property
+    def reach(self) -> np.ndarray:
+        """(W / 2 * H / 2 + 1,) running sum of Z/Y over all pixels, column after column; at most FAR each."""
+        return np.concatenate([[0.0], np.cumsum(1.0 / np.maximum(self.down, 1.0 / FAR))])
+
+    @cached_property
+    def steepest(self) -> float:
+        """Y/Z of the pixel that looks down most."""
+        return float(self.down[:, 0].max())
+
+    def flatter(self, slope: float) -> np.ndarray:
+        """(W / 2 * H / 2 + 1,) running count of pixels that look down less than a slope."""
+        if slope not in self._flatter:
+            self._flatter[slope] = np.concatenate([[0], np.cumsum(self.down < slope)])
+        return self._flatter[slope]
+
+
+@lru_cache(maxsize=2)
+def _camera_rays(lens: Lens) -> np.ndarray:
+    """Directions (3, W / 2 * H / 2) of the looked-at pixels in the camera's frame, Z = 1."""
+    cols, rows = lens.width // STEP_PX, lens.height // STEP_PX
+    xs = np.arange(cols) * STEP_PX + 0.5 * (STEP_PX - 1)
+    ys = np.arange(rows)[::-1] * STEP_PX + 0.5 * (STEP_PX - 1)
+    grid = np.stack(np.meshgrid(xs, ys, indexing="ij"), axis=-1).reshape(-1, 2)
+    return np.vstack([lens.to_rays(grid).T, np.ones(len(grid))])
+
+
+def _turned(lens: Lens, level: np.ndarray) -> Rays:
+    cols, rows = lens.width // STEP_PX, lens.height // STEP_PX
+    rays = level @ _camera_rays(lens)
+    down = (rays[1] / rays[2]).reshape(cols, rows)
+    across = (rays[0] / rays[2]).reshape(cols, rows)[:, rows - 1 - rows // 2]
+    return Rays(across, down)
+
+
+@lru_cache(maxsize=2)
+def _level_rays(lens: Lens) -> Rays:
+    return _turned(lens, np.eye(3))
+
+
+def rays_of(lens: Lens, pose: Pose) -> Rays:
+    """Rays of the looked-at pixels, seen from a pose."""
+    if abs(pose.rotation[1, 1] - 1.0) < LEVEL:
+        return _level_rays(lens)
+    return _turned(lens, Pose.planar(0.0, 0.0, heading_of(pose)).rotation.T @ pose.rotation)
+
+
+class Picture:
+    """Regions by pixel.
+
+    Attributes
+    ----------
+    ids : (K + 1,) region ids, NO_REGION last
+    place : dict, index into ids by region id
+    labels : (W / 2, H / 2) index into ids of every second pixel, lowest pixel first
+    lowest : (K + 1, W / 2) how many pixels above the lower border each region begins; -1 where it is not
+    pixels : (K + 1,) how many each region has
+    at_border : (K + 1,) how many of them at the lower border
+    """
+
+    def __init__(self, snapshot: Snapshot, lens: Lens, rays: Rays) -> None:
+        labels = label_image(snapshot, lens)
+        self.ids = np.array([*(region.id for region in snapshot.regions), NO_REGION], np.int64)
+        self.place = {region.id: k for k, region in enumerate(snapshot.regions)}
+        self._fill(np.ascontiguousarray(labels[::-1].T), rays)
+
+    def _fill(self, labels: np.ndarray, rays: Rays) -> None:
+        cols, rows = labels.shape
+        kinds = len(self.ids)
+        self.labels, self.rays = labels, rays
+        flat = labels.ravel()
+        ends_here = flat[1:] != flat[:-1]
+        ends_here[rows - 1 :: rows] = True
+        self._ends = np.append(np.flatnonzero(ends_here) + 1, len(flat))
+        self._starts = np.append(0, self._ends[:-1])
+        self._owner = flat[self._starts].astype(np.int64)
+        column, row = np.divmod(self._starts, rows)
+        self.lowest = np.full((kinds, cols), -1)
+        self.lowest[self._owner[::-1], column[::-1]] = row[::-1]  # the last one written stays
+        self.pixels = np.bincount(self._owner, self._ends - self._starts, kinds)
+        self.at_border = np.bincount(labels[:, 0], minlength=kinds)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(W / 2, H / 2)."""
+        return self.labels.shape[0], self.labels.shape[1]
+
+    def total(self, running: np.ndarray) -> np.ndarray:
+        """(K + 1,) of what a running sum over all pixels says of each region's."""
+        return np.bincount(self._owner, running[self._ends] - running[self._starts], len(self.ids))
+
+    def columns_of(self, region: int) -> np.ndarray:
+        """Columns in which a region is seen."""
+        return np.flatnonzero(self.lowest[self.place[region]] >= 0)
+
+
+def label_image(snapshot: Snapshot, lens: Lens) -> np.ndarray:
+    """Which of the snapshot's regions every second pixel shows, (H / 2, W / 2); their number where none."""
+    none = len(snapshot.regions)
+    kind = np.uint8 if none < 256 else np.uint16
+    labels = np.full((lens.height // STEP_PX, lens.width // STEP_PX), none, kind)
+    for k, region in enumerate(snapshot.regions):
+        if len(region.loops) == 1:
+            loops = [np.rint((region.loops[0] - 0.5) * (16 / STEP_PX)).astype(np.int32)]
+        else:
+            ends = np.cumsum([len(loop) for loop in region.loops])[:-1]
+            all_loops = np.rint((np.concatenate(region.loops) - 0.5) * (16 / STEP_PX)).astype(np.int32)
+            loops = np.split(all_loops, ends) if region.loops else []
+        cv2.fillPoly(labels, loops, k, shift=4)
+    return labels
