@@ -31,6 +31,7 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
+from host.camera.frame import Frame
 from host.config import Config, read_command_line
 from host.nav.drive import drive
 from host.nav.gallery import Gallery
@@ -124,6 +125,9 @@ def main() -> int:
                 rig.watch(view)
                 ticker.show(log)
 
+            def on_refusal(frame: Frame | None, why: str) -> None:
+                rig.refuse(why)
+
             wall_s = max(options.max_time, LONGEST_WALL_S)
             log, code = drive(
                 rig.camera,
@@ -135,6 +139,7 @@ def main() -> int:
                 wall_s,
                 on_view,
                 bound_for=not (options.explore or options.measure_only),
+                on_refusal=on_refusal,
             )
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # the motors stand; what is left takes a second
         result = {

@@ -5,7 +5,9 @@ from __future__ import annotations
 import contextlib
 import math
 import time
+from collections import deque
 from collections.abc import Callable
+from dataclasses import replace
 
 from host.camera.frame import Frame, FrameSource
 from host.errors import EXIT_DEVICE, EXIT_DONE, EXIT_INTERRUPTED, EXIT_SAFETY, DeviceError
@@ -14,15 +16,25 @@ from host.link.protocol import Fault, State
 from host.link.robot import Robot
 from host.nav.config import NavConfig
 from host.nav.odometry import WheelReading
+from host.nav.pace import Pace
 from host.nav.pilot import Pilot, View
 from host.nav.result import DriveLog, LostAndFound
+from host.nav.slip import WheelWatch
 from host.nav.steer import Command
 from host.nav.watch import FrameWatch
 
-CLEARS_ALLOWED = 5  # a robot that stops itself more often than this has a reason
-RECONNECTIONS_ALLOWED = 5  # and so has a line that is lost more often
+PICTURE_S = 0.07  # without a new picture for this long the wheels are steered on by the last one
+UNDERSTAND_S = 0.12  # longest time to understand one; with the above it is less than the robot's dead-man
+FRESH_PICTURES = 2  # that must be good again, one after the other, before the robot moves
+BLIND_S = 10.0  # no picture to drive on for this long ends the drive
 LISTEN_S = 0.005
-BLIND_S = 3.0  # no picture to drive on for this long ends the drive
+AWHILE_S = 60.0  # within which
+FAULTS_ALLOWED = 5  # a robot that stops itself more often has a reason
+RECONNECTIONS_ALLOWED = 5  # and so has a line that is lost more often
+SLIPS_ALLOWED = 5  # or one that slips or is carried about
+TRY_AGAIN_S = 2.0  # after a stall, which may be a hand that held a wheel
+CLEARS_IN_S = 0.1  # from clearing a fault until telemetry shows it
+CURABLE = (Fault.LINK_LOST, Fault.STALL)  # faults whose cause may be gone by itself
 
 
 class _Ended(Exception):
@@ -43,6 +55,7 @@ def drive(
     max_wall_s: float,
     on_view: Callable[[View, DriveLog], None],
     bound_for: bool = True,
+    on_refusal: Callable[[Frame | None, str], None] = lambda frame, why: None,
 ) -> tuple[DriveLog, int]:
     """Drive until something ends it; the motors are stopped before anything else happens then.
 
@@ -55,25 +68,26 @@ def drive(
     max_wall_s : by the wall's, against a simulation that is slow on this machine.
     on_view : told of every frame that was driven on.
     bound_for : there is a place to get to; running out of time then means not to be there.
+    on_refusal : told of every frame that was not, None where none came, and why.
 
     Returns
     -------
     (log, exit code)
     """
     log = DriveLog()
-    trip = _Trip(camera, robot, clock, pilot, config, log, on_view)
+    trip = _Trip(camera, robot, clock, pilot, config, log, on_view, on_refusal)
     begin_s, begin_wall_s = clock.now_s(), time.monotonic()
     code = EXIT_DONE
     late = "not there after" if bound_for else "ended after"
     try:
-        trip.await_wheels()
         while True:
             try:
-                trip.one_frame(begin_s)
+                trip.await_wheels()
+                trip.one_frame()
             except DeviceError:
                 if robot.connected:
                     raise
-                trip.reconnect(begin_s)
+                trip.reconnect()
             if clock.now_s() - begin_s >= max_time_s:
                 raise _Ended("timeout", f"{late} {max_time_s:g} s")
             if time.monotonic() - begin_wall_s >= max_wall_s:
@@ -107,7 +121,7 @@ def stop_motors(robot: Robot) -> None:
 class _Trip:
     """What one pass of the loop needs from the last."""
 
-    def __init__(self, camera, robot, clock, pilot, config, log, on_view):
+    def __init__(self, camera, robot, clock, pilot, config, log, on_view, on_refusal):
         self.camera: FrameSource = camera
         self.robot: Robot = robot
         self.clock: Clock = clock
@@ -115,9 +129,20 @@ class _Trip:
         self.config: NavConfig = config
         self.log: DriveLog = log
         self.on_view: Callable[[View, DriveLog], None] = on_view
-        self.watch = FrameWatch(config)
+        self.on_refusal: Callable[[Frame | None, str], None] = on_refusal
+        self.pictures = FrameWatch(config)
+        assert camera.lens is not None, "whoever opens a camera to drive by sees to that"
+        self.wheels = WheelWatch(camera.lens)
+        self.pace = Pace(config.reaction_s)
+        self.begin_s = self.picture_s = clock.now_s()  # when the newest picture was taken
+        self.seeing_s = self.begin_s  # when there last was a picture to drive on
         self.last_seq: int | None = None
-        self.seeing_s: float | None = None  # when there last was a picture to drive on
+        self.under_way = False  # the wheels do what was made of the last picture
+        self.fresh_wanted = 0  # pictures to look at before moving again
+        self.cleared_s = -math.inf
+        self.faults = _Often(FAULTS_ALLOWED)
+        self.losses = _Often(RECONNECTIONS_ALLOWED)
+        self.slips = _Often(SLIPS_ALLOWED)
 
     def await_wheels(self) -> None:
         """Hear from the wheels before the first picture; `poll` complains of a robot that stays silent."""
@@ -125,93 +150,204 @@ class _Trip:
             self.clock.sleep_s(LISTEN_S)
             self._listen()
 
-    def one_frame(self, begin_s: float) -> None:
+    def one_frame(self) -> None:
         """Newest picture in, one command out, or a stop with its reason."""
-        frame, objection = self._newest_frame()
+        frame, objection = self._next_frame()
         self._listen()
         now_s = self.clock.now_s()
-        if self.seeing_s is None:
-            self.seeing_s = now_s
         if frame is not None:
-            objection = self.watch.objection(frame, now_s, self.pilot.odometry.rolled_cm)
-        if objection is None and now_s - self.pilot.odometry.newest_s > self.config.link_stale_s:
-            objection = "no fresh word from the wheels"
-        if frame is None or objection is not None:
-            self._refuse(now_s, begin_s, objection or "no picture")
+            objection = self.pictures.objection(frame, now_s, self.pilot.odometry.rolled_cm)
+        if frame is None or objection is not None or self._deaf():
+            self._refuse(frame, objection or self._deaf() or "no picture")
             return
         self.seeing_s = now_s
-
-        began = time.perf_counter()
-        view = self.pilot.take(frame, now_s)
-        self.log.frame_ms.append(1e3 * (time.perf_counter() - began))
-        command = view.command
-        late_s = self.clock.now_s() - frame.t_s
-        if late_s > self.config.frame_stale_s:
-            self._refuse(now_s, begin_s, f"picture took {1000 * late_s:.0f} ms to understand")
+        view = self._understand(frame, now_s)
+        if view is None:
             return
-        if command.outcome is not None:
-            self.robot.stop()
-        elif not command.hands_off:
-            self.robot.drive(command.v_mm_s, command.omega_rad_s)
-        self._note(view, now_s - begin_s, command)
-        if command.outcome is not None:
-            raise _Ended(command.outcome, command.reason)
+        doubt = self.wheels.doubt(view)
+        if doubt is not None:
+            self._refuse(frame, doubt)
+            self._forget(doubt)
+            return
+        command = view.command
+        if self.fresh_wanted > 0 and command.outcome is None and not command.hands_off:
+            self.fresh_wanted -= 1
+            command = Command(0.0, 0.0, "stop: looking again before going on")
+            view = replace(view, command=command)
+        self._obey(command)
+        self.log.latency_ms.add(1e3 * (self.clock.now_s() - frame.t_s))
+        self._note(view)
+        self._end_where_over(command)
 
-    def reconnect(self, begin_s: float) -> None:
+    def reconnect(self) -> None:
         """Stand until the lost robot is back, then go on; where it is not, DeviceError."""
         log = self.log
-        if len(log.reconnections) >= RECONNECTIONS_ALLOWED:
-            raise DeviceError(f"the robot was lost more than {RECONNECTIONS_ALLOWED} times: check its cable")
+        if self.losses.too_often(self.clock.now_s()):
+            raise DeviceError(
+                f"the robot was lost more than {RECONNECTIONS_ALLOWED} times in {AWHILE_S:g} s: "
+                "check its cable"
+            )
         back = self.robot.reconnect()
         if back.restarted:
             self.pilot.odometry.restart()
-        t_s = self.clock.now_s() - begin_s
+        t_s = self.clock.now_s() - self.begin_s
         log.reconnections.append(LostAndFound(round(t_s, 3), round(back.away_s, 3), back.restarted, back.why))
         log.decide(t_s, 0.0, 0.0, f"stop: {back}")
-        self.seeing_s = self.last_seq = None  # it was the robot that was away, not the camera
+        # It was the robot that was away, not the camera.
+        self.seeing_s = self.picture_s = self.clock.now_s()
+        self.last_seq = None
+        self._stand()
 
-    def _newest_frame(self) -> tuple[Frame | None, str | None]:
-        """(frame, None), or (None, why there is none)."""
-        try:
-            frame = self.camera.read(self.config.frame_stale_s)
-        except DeviceError as error:
-            return None, str(error)
-        if frame is None:
-            raise _Ended("stopped", "the camera has no more pictures")
-        if self.last_seq is not None:
-            self.log.dropped_frames += max(0, frame.seq - self.last_seq - 1)
-        self.last_seq = frame.seq
-        self.log.frames += 1
-        return frame, None
+    # --- Pictures ------------------------------------------------------------------------------
+
+    def _next_frame(self) -> tuple[Frame | None, str | None]:
+        """(the newest frame, None), or (None, why there is none).
+
+        Where pictures come slowly, what was made of the last one is steered by until it is stale.
+        """
+        while True:
+            asked_s = self.clock.now_s()
+            try:
+                frame = self.camera.read(PICTURE_S)
+            except DeviceError as error:
+                early_s = PICTURE_S - (self.clock.now_s() - asked_s)
+                why = str(error) if early_s > PICTURE_S / 2 else None
+                self.clock.sleep_s(max(0.0, early_s))
+                self._listen()
+                now_s = self.clock.now_s()
+                late_s = now_s - self.picture_s
+                if late_s > self.config.frame_stale_s:
+                    return None, why or f"no picture for {late_s:.1f} s: check the camera's cable"
+                self._steer_on(now_s)
+                continue
+            if frame is None:
+                raise _Ended("stopped", "the camera has no more pictures")
+            if self.last_seq is not None:
+                self.log.dropped_frames += max(0, frame.seq - self.last_seq - 1)
+            self.last_seq, self.picture_s = frame.seq, frame.t_s
+            self.log.frames += 1
+            return frame, None
+
+    def _understand(self, frame: Frame, now_s: float) -> View | None:
+        """What is made of a frame; None where that took so long that it is nothing to drive on any more."""
+        began = time.perf_counter()
+        view = self.pilot.take(frame, now_s)
+        self.log.frame_ms.add(1e3 * (time.perf_counter() - began))
+        self.log.spent(view.stage_ms)
+        ready_s = self.clock.now_s()
+        for since_s, allowed_s in ((now_s, UNDERSTAND_S), (frame.t_s, self.config.frame_stale_s)):
+            if ready_s - since_s > allowed_s:
+                self._refuse(
+                    frame,
+                    f"picture understood {1e3 * (ready_s - since_s):.0f} ms after it "
+                    f"{'came' if since_s == now_s else 'was taken'}, {1e3 * allowed_s:.0f} are allowed: "
+                    "the machine is slow",
+                )
+                return None
+        return view
+
+    # --- Wheels --------------------------------------------------------------------------------
 
     def _listen(self) -> None:
         """Wheel readings into the odometry; a robot that stopped itself is asked why."""
         for report in self.robot.poll():
             t_s = self.robot.host_time_s(report.mcu_time_us)
             self.pilot.odometry.add(WheelReading.of(report, t_s))
-        latest = self.robot.latest
-        if latest is None or latest.state != State.FAULT:
+        latest, now_s = self.robot.latest, self.clock.now_s()
+        if latest is None or latest.state != State.FAULT or now_s - self.cleared_s < CLEARS_IN_S:
             return
-        why = latest.fault.name.lower().replace("_", " ")
-        if latest.fault != Fault.LINK_LOST or self.log.faults_cleared >= CLEARS_ALLOWED:
-            raise _Ended("stopped", f"the robot stopped itself: {why}", EXIT_SAFETY)
-        self.robot.clear()
+        why = f"the robot stopped itself: {latest.fault.name.lower().replace('_', ' ')}"
+        if latest.fault not in CURABLE or self.faults.too_often(now_s):
+            raise _Ended("stopped", why, EXIT_SAFETY)
         self.log.faults_cleared += 1
+        if latest.fault == Fault.STALL:
+            self._wait_out(why)
+        self.robot.clear()
+        self.cleared_s = self.clock.now_s()
 
-    def _refuse(self, now_s: float, begin_s: float, objection: str) -> None:
-        """Stand still; after a while of this give up."""
+    def _wait_out(self, why: str) -> None:
+        self._stand()
+        self.log.decide(self.clock.now_s() - self.begin_s, 0.0, 0.0, f"stop: {why}; trying again")
+        until_s = self.clock.now_s() + TRY_AGAIN_S
+        while self.clock.now_s() < until_s:
+            self.clock.sleep_s(LISTEN_S)
+            for report in self.robot.poll():
+                t_s = self.robot.host_time_s(report.mcu_time_us)
+                self.pilot.odometry.add(WheelReading.of(report, t_s))
+        self.seeing_s = self.picture_s = self.clock.now_s()
+
+    def _deaf(self) -> str | None:
+        silent_s = self.clock.now_s() - self.pilot.odometry.newest_s
+        return "no fresh word from the wheels" if silent_s > self.config.link_stale_s else None
+
+    def _steer_on(self, now_s: float) -> None:
+        """Where the robot has got to since the last picture the map knows what to do next."""
+        if not self.under_way or self._deaf():
+            return
+        command = self.pilot.decide(now_s)
+        self._obey(command)
+        self._end_where_over(command)
+
+    def _obey(self, command: Command) -> None:
+        self.under_way = command.outcome is None and not command.hands_off
+        if command.outcome is not None:
+            self.robot.stop()
+        elif self.under_way:
+            self.robot.drive(command.v_mm_s, command.omega_rad_s)
+            self.pace.commanded(self.picture_s, self.clock.now_s())
+            self.pilot.react_within(self.pace.reaction_s)
+
+    def _end_where_over(self, command: Command) -> None:
+        if command.outcome is not None:
+            raise _Ended(command.outcome, command.reason)
+
+    # --- Standing still ------------------------------------------------------------------------
+
+    def _stand(self) -> None:
         self.robot.stop()
+        self.pace.stopped()
+        self.under_way = False
+        self.fresh_wanted = FRESH_PICTURES
+
+    def _refuse(self, frame: Frame | None, objection: str) -> None:
+        """Stand still; after a while of this give up."""
+        self._stand()
+        now_s = self.clock.now_s()
         self.log.refused_frames += 1
-        self.log.decide(now_s - begin_s, 0.0, 0.0, f"stop: {objection}")
-        if self.seeing_s is not None and now_s - self.seeing_s > BLIND_S:
+        self.log.decide(now_s - self.begin_s, 0.0, 0.0, f"stop: {objection}")
+        self.on_refusal(frame, objection)
+        if now_s - self.seeing_s > BLIND_S:
             raise _Ended("stopped", f"nothing to drive on for {BLIND_S:g} s: {objection}", EXIT_DEVICE)
 
-    def _note(self, view: View, t_s: float, command: Command) -> None:
-        log = self.log
-        before = log.path[-1] if log.path else None
-        log.distance_cm += self.pilot.path_step_cm(before, view.pose)
+    def _forget(self, why: str) -> None:
+        """The robot is not where its wheels say, and nothing stands where it is remembered."""
+        if self.slips.too_often(self.clock.now_s()):
+            raise _Ended("stopped", f"more than {SLIPS_ALLOWED} times in {AWHILE_S:g} s: {why}", EXIT_SAFETY)
+        self.pilot.forget()
+        self.wheels.forget()
+        self.log.times_forgotten += 1
+
+    # --- Notes ---------------------------------------------------------------------------------
+
+    def _note(self, view: View) -> None:
+        log, command = self.log, view.command
+        log.distance_cm += self.pilot.path_step_cm(log.last_pose, view.pose)
         log.limited_frames += bool(view.snapshot.limits)
-        log.path.append(view.pose)
-        log.duration_s = t_s
-        log.decide(t_s, command.v_mm_s, command.omega_rad_s, command.reason)
+        log.be_at(view.pose, view.dead_reckoning)
+        log.duration_s = self.clock.now_s() - self.begin_s
+        log.decide(log.duration_s, command.v_mm_s, command.omega_rad_s, command.reason)
         self.on_view(view, log)
+
+
+class _Often:
+    """Counts what may happen, but not all the time."""
+
+    def __init__(self, allowed: int):
+        self._times_s: deque[float] = deque(maxlen=allowed)
+
+    def too_often(self, now_s: float) -> bool:
+        """Whether it happened as often as allowed in the last while already; this one is counted."""
+        times = self._times_s
+        often = len(times) == times.maxlen and now_s - times[0] < AWHILE_S
+        times.append(now_s)
+        return often

@@ -53,7 +53,7 @@ class Gallery:
             caption = f"{view.frame.t_s:.1f} s  {view.command.reason}"
             picture = draw_net(view.frame.image, view.snapshot, view.depths, caption)
             _write_png(folder / f"frame_{view.frame.seq:05d}.png", picture)
-        if not log.path:
+        if log.last_pose is None:
             return
         standing = set(obstacle_map.region[obstacle_map.occupied].tolist())
         obstacles = tuple(
@@ -62,8 +62,10 @@ class Gallery:
             if o.region in standing
         )
         floor = Floor(
-            path_cm=np.array([body_of(pose, body.camera_ahead_cm)[:2] for pose in log.path]),
-            heading_rad=heading_of(log.path[-1]),
+            path_cm=np.array(
+                [body_of(pose, body.camera_ahead_cm)[:2] for pose in [*log.path, log.last_pose]]
+            ),
+            heading_rad=heading_of(log.last_pose),
             robot_radius_cm=body.radius_cm,
             goal_cm=goal_cm,
             obstacles=obstacles,

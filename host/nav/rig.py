@@ -42,6 +42,11 @@ class Rig:
             if command.outcome is None and not command.hands_off:
                 self.score.hear(command.v_mm_s != 0.0 or command.omega_rad_s != 0.0, command.reason)
 
+    def refuse(self, why: str) -> None:
+        """Let the truth hear that the robot stands, and why."""
+        if self.score is not None:
+            self.score.hear(False, f"stop: {why}")
+
     def truth(self, log: DriveLog) -> dict[str, Any]:
         """The part of result.json that only the simulator knows; nulls elsewhere."""
         if self.score is None:
@@ -63,7 +68,7 @@ class Rig:
             {"t_s": round(s.t_s, 3), "reason": s.reason, "true_room_cm": s.true_room_cm, "false": s.is_false}
             for s in self.score.stops
         ]
-        return {**self.score.summary(log.path[-1] if log.path else None), "depths": depths, "stops": stops}
+        return {**self.score.summary(log.last_pose), "depths": depths, "stops": stops}
 
     def link_counters(self) -> dict[str, Any]:
         """What both ends of the line saw go wrong."""

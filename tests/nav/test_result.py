@@ -4,11 +4,20 @@ from __future__ import annotations
 
 import json
 
+import numpy as np
 import pytest
 
 from host.errors import UsageError
 from host.nav.config import BodyConfig, NavConfig
-from host.nav.result import DriveLog, new_run_folder, write_json
+from host.nav.histogram import Histogram
+from host.nav.result import (
+    MOST_DECISIONS,
+    MOST_PLACES,
+    DriveLog,
+    new_run_folder,
+    without_times,
+    write_json,
+)
 from host.pose import Pose
 
 
@@ -20,11 +29,61 @@ def test_a_log_without_a_single_frame_is_still_json():
 
 
 def test_frame_times_and_pose_are_summed_up():
-    log = DriveLog(frame_ms=[float(k) for k in range(1, 101)], path=[Pose.planar(3.0, 4.0, 0.1)])
+    log = DriveLog()
+    for ms in range(1, 101):
+        log.frame_ms.add(ms)
+        log.spent({"net": ms / 10, "map": 0.0})
+    log.be_at(Pose.planar(3.0, 4.0, 0.1), Pose.planar(5.0, 4.0, 0.0))
     found = log.as_dict()
-    assert found["frame_time_ms"]["median"] == pytest.approx(50.5)
-    assert found["frame_time_ms"]["p95"] == pytest.approx(95.05)
+    assert found["frame_time_ms"]["median"] == pytest.approx(50, rel=0.01)
+    assert found["frame_time_ms"]["p95"] == pytest.approx(95, rel=0.01)
+    assert found["stage_ms"]["net"]["median"] == pytest.approx(5, rel=0.01)
     assert found["final_pose"] == {"x_cm": 3.0, "z_cm": 4.0, "heading_deg": 5.73}
+    assert found["dead_reckoning"] == {"x_cm": 5.0, "z_cm": 4.0, "heading_deg": 0.0}
+
+
+def test_percentiles_of_many_times_need_little_memory_and_are_within_half_a_percent():
+    times = np.random.default_rng(3).lognormal(1.0, 1.0, 20_000)
+    found = Histogram()
+    for ms in times:
+        found.add(float(ms))
+    for percent in (1, 50, 95, 99.9):
+        assert found.percentile(percent) == pytest.approx(np.percentile(times, percent), rel=0.007)
+
+
+def test_a_decision_that_differs_in_numbers_only_is_the_same_one():
+    log = DriveLog()
+    for k in range(5):
+        log.decide(
+            k, 200 - k, 0.0, f"slow: region 7 at {50 - k} ±1.{k} cm (outline), {30 - k} cm from the rim"
+        )
+    log.decide(5, 100.0, 0.0, "slow: region 8 at 45 ±1.4 cm (outline), 25 cm from the rim")
+    log.decide(6, 0.0, 0.0, "stop: region 8 at 45 ±1.4 cm (outline), 4 cm from the rim")
+    assert [(d.t_s, d.pictures) for d in log.decisions] == [(0, 5), (5, 1), (6, 1)]
+    assert log.times_stopped == 1
+
+
+def test_a_log_of_ten_hours_is_no_larger_than_one_of_one():
+    log = DriveLog()
+    for k in range(100_000):
+        pose = Pose.planar(2.0 * k, 0.0, 0.5 * k)
+        log.be_at(pose, pose)
+        log.decide(k, 10.0, 0.0, f"reason {'ab'[k % 2]}")
+    assert len(log.path) <= MOST_PLACES and len(log.decisions) <= MOST_DECISIONS
+    assert log.path[0].position_cm[0] == 0.0
+    assert log.path[-1].position_cm[0] > 1.9 * 100_000  # thinned evenly, not cut off
+    assert (log.decisions[0].t_s, log.decisions[-1].t_s) == (0, 99_999)
+    assert log.decisions_left_out + len(log.decisions) == 100_000
+
+
+def test_without_its_times_a_result_is_what_the_seed_makes_it():
+    log, later = DriveLog(), DriveLog()
+    for one, ms in ((log, 3.0), (later, 4.0)):
+        one.frame_ms.add(ms)
+        one.spent({"net": ms})
+    assert log.as_dict() != later.as_dict()
+    assert without_times(log.as_dict()) == without_times(later.as_dict())
+    assert without_times({"a": [{"stage_ms": 1, "b": 2}]}) == {"a": [{"b": 2}]}
 
 
 def test_two_runs_of_one_second_get_two_folders_and_latest_is_the_second(tmp_path):

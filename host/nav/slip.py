@@ -1,0 +1,182 @@
+"""Do the pictures move as the wheels do? Where they do not, the wheels slip, or the robot is carried about.
+
+Points whose depth is known, corners of the net and ends of whole regions, are followed from a picture of a
+moment ago to the present one, and to where they would be had the robot moved as its wheels did. The share of
+the expected way that they really went tells slipping; ways that nobody expected tell a robot that is pushed
+or lifted. One that was put elsewhere between two pictures is told by regions that are no longer there.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from host.camera.lens import Lens
+from host.nav.odometry import heading_of
+from host.nav.pilot import View
+from host.nav.steer import wrap
+from host.pose import Pose
+from host.rbdn import Region
+
+LEAST_POINTS = 6
+LEAST_PX = 4.0  # expected way from which its share can be told
+SIGMAS = 6.0  # and it must be this much longer than what the heading by the wheels may be off by
+SLIPS_BELOW = 0.4  # share of the expected way
+STRANGE_PX = 10.0  # ways that differ by more than this from what is expected,
+STRANGE_SHARE = 0.5  # and by more than this of it, are no error of the wheels
+SAME_SHARE = 0.7  # of the picture shows the same regions as the last one; less is another place
+SAME_LEVELS = 20.0  # a region's colour changes by less, 0 to 255
+TURN_COSTS = 2.0  # times the part of the picture that a turn brings in may be new
+TURN_ONLY_CM = 1.0  # less travel than this does not show in a picture
+WINDOW_S = 1.0  # a picture further back is no moment ago
+
+
+@dataclass(frozen=True)
+class _Points:
+    """Points of one picture, and where the wheels said it was taken."""
+
+    pose: Pose
+    ids: np.ndarray  # (N,) int64, of corners from 0 up, of regions' ends below
+    rays: np.ndarray  # (N, 2) x/z, y/z
+    xyz_cm: np.ndarray  # (N, 3) in the camera; nan where not known
+
+    @staticmethod
+    def of(view: View, lens: Lens) -> _Points:
+        vertices, depths = view.snapshot.vertices, view.depths
+        good = np.isfinite(vertices.sigma_px)
+        ids, pixels = [vertices.ids[good]], [vertices.xy_px[good]]
+        z_cm = [depths.vertices.xyz_cm[good, 2]]
+        for region in view.snapshot.regions:
+            depth = depths.regions.get(region.id)
+            if region.touches_border or depth is None or depth.depth_cm is None:
+                continue
+            loop = region.loops[0]
+            ends = [*loop.argmin(axis=0), *loop.argmax(axis=0)]
+            ids.append(-1 - 4 * region.id - np.arange(4))
+            pixels.append(loop[ends])
+            z_cm.append(np.full(4, depth.silhouette_cm or depth.depth_cm))
+        rays = lens.to_rays(np.concatenate(pixels))
+        xyz_cm = np.column_stack([rays, np.ones(len(rays))]) * np.concatenate(z_cm)[:, None]
+        return _Points(view.dead_reckoning, np.concatenate(ids), rays, xyz_cm)
+
+
+@dataclass(frozen=True)
+class _Ways:
+    """How points moved from one picture to another, in px at the middle of the picture."""
+
+    expected: np.ndarray  # (N, 2) by the wheels
+    found: np.ndarray  # (N, 2)
+
+    @property
+    def expected_px(self) -> float:
+        return float(np.median(np.hypot(*self.expected.T)))
+
+    @property
+    def strange_px(self) -> float:
+        return float(np.median(np.hypot(*(self.found - self.expected).T)))
+
+    @property
+    def share(self) -> float:
+        """Of the expected way that was gone; the median, each point weighing as much as its way."""
+        length = np.hypot(*self.expected.T)
+        shares = (self.found * self.expected).sum(axis=1) / np.maximum(length, 1e-9) ** 2
+        order = np.argsort(shares)
+        weight = np.cumsum(length[order])
+        return float(shares[order][np.searchsorted(weight, weight[-1] / 2)])
+
+
+class WheelWatch:
+    """Compares every picture with one of a moment ago."""
+
+    def __init__(self, lens: Lens):
+        self._lens = lens
+        self._from: _Points | None = None  # where ways begin
+        self._last: _Points | None = None
+        self._regions: dict[int, Region] = {}
+
+    def forget(self) -> None:
+        """Begin anew with the next picture."""
+        self._from = self._last = None
+        self._regions = {}
+
+    def doubt(self, view: View) -> str | None:
+        """What speaks against the wheels, in one line; None where nothing does."""
+        now = _Points.of(view, self._lens)
+        regions = {region.id: region for region in view.snapshot.regions}
+        last, self._last = self._last, now
+        before, self._regions = self._regions, regions
+        begin = self._from
+        if begin is None or last is None or now.pose.t_s - begin.pose.t_s > WINDOW_S:
+            self._from = now
+            return None
+        found = self._elsewhere(before, regions, last.pose, now.pose)
+        found = found or self._strange(ways_between(last, now, self._lens), last, now)
+        return found or self._slips(ways_between(begin, now, self._lens), begin, now)
+
+    def _elsewhere(
+        self, before: dict[int, Region], regions: dict[int, Region], last: Pose, now: Pose
+    ) -> str | None:
+        all_px = sum(region.area_px for region in before.values())
+        if all_px == 0.0:
+            return None
+        turned_px = abs(wrap(heading_of(now) - heading_of(last))) * self._lens.fx
+        share = same_px(before, regions) / all_px
+        if share > SAME_SHARE - TURN_COSTS * turned_px / self._lens.width:
+            return None
+        return (
+            f"picture shows another place: {100 * share:.0f} % of it is as a moment ago, which wheels do not "
+            "explain; carried away, or the camera was hit"
+        )
+
+    def _strange(self, ways: _Ways, last: _Points, now: _Points) -> str | None:
+        if len(ways.found) < LEAST_POINTS:
+            return None
+        allowed = max(STRANGE_PX, STRANGE_SHARE * ways.expected_px, SIGMAS * self._heading_px(last, now))
+        if ways.strange_px <= allowed:
+            return None
+        return f"picture moved {ways.strange_px:.0f} px otherwise than the wheels: pushed, lifted or slipping"
+
+    def _slips(self, ways: _Ways, begin: _Points, now: _Points) -> str | None:
+        if len(ways.found) < LEAST_POINTS:
+            self._from = now
+            return None
+        if ways.expected_px < max(LEAST_PX, SIGMAS * self._heading_px(begin, now)):
+            return None
+        self._from = now
+        share = ways.share
+        if share >= SLIPS_BELOW:
+            return None
+        return f"wheels slip: of the way they count the picture shows {100 * max(0.0, share):.0f} %"
+
+    def _heading_px(self, a: _Points, b: _Points) -> float:
+        return self._lens.fx * math.hypot(a.pose.sigma_rot_rad, b.pose.sigma_rot_rad)
+
+
+def ways_between(a: _Points, b: _Points, lens: Lens) -> _Ways:
+    """How the points seen in both pictures moved, and how they had to by the wheels."""
+    shift = a.pose.position_cm - b.pose.position_cm
+    points = a.xyz_cm.copy()
+    if float(np.linalg.norm(shift)) < TURN_ONLY_CM:  # how far away things are hardly matters then
+        unknown = ~np.isfinite(points[:, 2])
+        points[unknown] = 1e4 * np.column_stack([a.rays[unknown], np.ones(unknown.sum())])
+    there = (points @ a.pose.rotation.T + shift) @ b.pose.rotation
+    with np.errstate(invalid="ignore", divide="ignore"):
+        rays = there[:, :2] / there[:, 2:]
+        aim = rays * (lens.fx, lens.fy) + (lens.cx, lens.cy)
+        size = (lens.width - 1.0, lens.height - 1.0)
+        inside = (there[:, 2] > 1.0) & (aim > 0).all(axis=1) & (aim < size).all(axis=1)
+    _, at_a, at_b = np.intersect1d(a.ids[inside], b.ids, assume_unique=True, return_indices=True)
+    begin, scale = a.rays[inside][at_a], (lens.fx, lens.fy)
+    return _Ways((rays[inside][at_a] - begin) * scale, (b.rays[at_b] - begin) * scale)
+
+
+def same_px(before: dict[int, Region], now: dict[int, Region]) -> float:
+    """How much of a picture shows what it did before: the area of regions that kept id and colour."""
+    same = 0.0
+    for id_, old in before.items():
+        new = now.get(id_)
+        if new is not None and np.abs(np.subtract(old.mean_rgb, new.mean_rgb)).max() < SAME_LEVELS:
+            same += min(old.area_px, new.area_px)
+    return same
