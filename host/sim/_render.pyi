@@ -16,6 +16,18 @@ class Material:
         self, pattern: Pattern, bgr: Triple, contrast: float, scale_cm: float, seed: int, gloss: float
     ) -> None: ...
 
+class Camera:
+    def __init__(
+        self,
+        fx: float,
+        fy: float,
+        cx: float,
+        cy: float,
+        width: int,
+        height: int,
+        distortion: Sequence[float] = ...,
+    ) -> None: ...
+
 class Scene:
     def __init__(self, floor_y: float) -> None: ...
     def light(self, lamp: Triple, ambient: float, sky: float, direct: float, reference_cm: float) -> None: ...
@@ -64,27 +76,8 @@ class Scene:
         base: float,
     ) -> None: ...
     def render(
-        self,
-        rotation: np.ndarray,
-        position: np.ndarray,
-        fx: float,
-        fy: float,
-        cx: float,
-        cy: float,
-        width: int,
-        height: int,
-        psf_px: float,
-        distortion: Sequence[float] = ...,
+        self, camera: Camera, rotations: np.ndarray, positions: np.ndarray, psf_px: float
     ) -> np.ndarray: ...
     def truth(
-        self,
-        rotation: np.ndarray,
-        position: np.ndarray,
-        fx: float,
-        fy: float,
-        cx: float,
-        cy: float,
-        width: int,
-        height: int,
-        distortion: Sequence[float] = ...,
+        self, camera: Camera, rotation: np.ndarray, position: np.ndarray, areas: bool = True
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]: ...

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from typing import Any, TypedDict
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TypedDict
 
 import cv2
 import numpy as np
@@ -56,6 +58,7 @@ class TrueFrame:
     depth_cm: np.ndarray  # (H, W) float32 along the axis at pixel centres, 0 = nothing
     part_id: np.ndarray  # (H, W) uint16, 0 = nothing
     object_id: np.ndarray  # (H, W) uint16, 0 = nothing
+    # The rest is empty where it was not asked for.
     part_area_px: np.ndarray  # (parts + 1,) visible area with fractions, by part id
     part_mean_z_cm: np.ndarray  # (parts + 1,) depth averaged over it
     object_area_px: np.ndarray  # (objects + 1,) the same of whole objects, by object id
@@ -247,7 +250,7 @@ class Renderer:
 
     # --- Pictures ---------------------------------------------------------------------------------
 
-    def light(self, pose: Pose, psf_px: float = 0.0, rows: slice = slice(None)) -> np.ndarray:
+    def light(self, pose: Pose, psf_px: float = 0.0) -> np.ndarray:
         """Light at the sensor, (H, W, 3) float32, linear BGR, 1 = white paper well lit.
 
         Parameters
@@ -256,19 +259,21 @@ class Renderer:
             Of the camera.
         psf_px
             Standard deviation of the lens blur; the pixels' own integration comes on top.
-        rows
-            Only these.
         """
-        first, end, _ = rows.indices(self.lens.height)
-        margin = math.ceil(5 * psf_px)
-        top, bottom = max(first - margin, 0), min(end + margin, self.lens.height)
-        band = replace(self.lens, cy=self.lens.cy - top, height=bottom - top)
-        light = self._scene.render(**_camera(pose, band), psf_px=psf_px)
-        return light[first - top : end - top]
+        return self.rolling_light([pose], psf_px)
 
-    def truth(self, pose: Pose) -> TrueFrame:
-        """What is to be seen from a pose."""
-        depth, part, thing, area, mean_z = self._scene.truth(**_camera(pose, self.lens))
+    def rolling_light(self, poses: Sequence[Pose], psf_px: float = 0.0) -> np.ndarray:
+        """The same where rows are exposed in turn: even bands of them, from the top, a pose each."""
+        rotations = np.array([pose.rotation for pose in poses], float)
+        positions = np.array([pose.position_cm for pose in poses], float)
+        return self._scene.render(_camera(self.lens), rotations, positions, psf_px)
+
+    def truth(self, pose: Pose, areas: bool = True) -> TrueFrame:
+        """What is to be seen from a pose; areas and mean depths, which take longest, only when asked for."""
+        rotation, position = (np.ascontiguousarray(a, float) for a in (pose.rotation, pose.position_cm))
+        depth, part, thing, area, mean_z = self._scene.truth(_camera(self.lens), rotation, position, areas)
+        if not areas:
+            return TrueFrame(depth, part, thing, area, mean_z, np.zeros(0), np.zeros(0))
         owner = np.array([0, *(p.object_id for p in self.parts)])
         count = len(self.object_names) + 1
         object_area = np.bincount(owner, area, count)
@@ -318,14 +323,12 @@ def _triple(a: ArrayLike) -> tuple[float, float, float]:
     return float(x), float(y), float(z)
 
 
-def _camera(pose: Pose, lens: Lens) -> dict[str, Any]:
-    rotation = np.ascontiguousarray(pose.rotation, float)
-    position = np.ascontiguousarray(pose.position_cm, float)
-    return {
-        "rotation": rotation, "position": position,
-        "fx": lens.fx, "fy": lens.fy, "cx": lens.cx, "cy": lens.cy,
-        "width": lens.width, "height": lens.height, "distortion": lens.distortion,
-    }  # fmt: skip
+@lru_cache(maxsize=8)
+def _camera(lens: Lens) -> _render.Camera:
+    """Where the pixels of a distorted lens lie takes as long as a picture to find out."""
+    return _render.Camera(
+        lens.fx, lens.fy, lens.cx, lens.cy, lens.width, lens.height, tuple(map(float, lens.distortion))
+    )
 
 
 def _material(material: Material) -> _render.Material:

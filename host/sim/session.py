@@ -161,12 +161,9 @@ class Simulation:
         return Renderer(self.world.at(t_s)) if self.world.movers else self.renderer
 
     def _take(self, t_us: int, seq: int) -> np.ndarray:
-        model, height = self._webcam_model, self.world.lens.height
-        renderer = self.renderer_at(t_us * 1e-6)
+        model = self._webcam_model
         bands = BANDS if model.readout_s else 1
-        light = []
-        for n in range(bands):
-            rows = slice(n * height // bands, (n + 1) * height // bands)
-            late_us = model.readout_s * 1e6 * ((n + 0.5) / bands - 0.5)
-            light.append(renderer.light(self.body.pose_at(t_us + round(late_us)), model.psf_px, rows))
-        return self._webcam.take(np.concatenate(light), t_us * 1e-6, seq)
+        late_us = (model.readout_s * 1e6 * ((n + 0.5) / bands - 0.5) for n in range(bands))
+        poses = [self.body.pose_at(t_us + round(late)) for late in late_us]
+        light = self.renderer_at(t_us * 1e-6).rolling_light(poses, model.psf_px)
+        return self._webcam.take(light, t_us * 1e-6, seq)

@@ -28,8 +28,12 @@ WHITE = _render.Material(_render.Pattern.plain, (1.0, 1.0, 1.0), 0.0, 1.0, 0, 0.
 
 def picture_of(scene: _render.Scene, psf_px: float = 0.0) -> np.ndarray:
     """One channel of what a camera at the origin sees, its principal point at pixel (31, 31)."""
-    picture = scene.render(np.eye(3), np.zeros(3), FOCAL, FOCAL, 31.0, 31.0, SIZE, SIZE, psf_px)
-    return picture[:, :, 0].astype(float)
+    return render_centred(scene, 31.0, SIZE, psf_px)[:, :, 0].astype(float)
+
+
+def render_centred(scene: _render.Scene, middle_px: float, size_px: int, psf_px: float) -> np.ndarray:
+    camera = _render.Camera(FOCAL, FOCAL, middle_px, middle_px, size_px, size_px)
+    return scene.render(camera, np.eye(3)[None], np.zeros((1, 3)), psf_px)
 
 
 def lit_scene() -> _render.Scene:
@@ -135,8 +139,8 @@ def test_blur_neither_makes_nor_loses_light():
 def test_a_picture_is_as_wide_at_its_border_as_beyond_it():
     """An edge that leaves the image, or runs just outside it, looks as in a larger image."""
     scene = scene_with_rectangle((-40.0, -31.8), (50.0, 3.0), (2.0, 70.0))
-    small = scene.render(np.eye(3), np.zeros(3), FOCAL, FOCAL, 31.0, 31.0, SIZE, SIZE, 0.65)
-    large = scene.render(np.eye(3), np.zeros(3), FOCAL, FOCAL, 41.0, 41.0, SIZE + 20, SIZE + 20, 0.65)
+    small = render_centred(scene, 31.0, SIZE, 0.65)
+    large = render_centred(scene, 41.0, SIZE + 20, 0.65)
     # the same edges are sampled by other nets
     assert np.abs(small - large[10:-10, 10:-10]).max() < 0.02
 

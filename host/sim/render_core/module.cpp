@@ -17,18 +17,27 @@ namespace {
 using Triple = std::tuple<double, double, double>;
 using Matrix = nb::ndarray<const double, nb::shape<3, 3>, nb::c_contig, nb::device::cpu>;
 using Vector = nb::ndarray<const double, nb::shape<3>, nb::c_contig, nb::device::cpu>;
+using Matrices = nb::ndarray<const double, nb::shape<-1, 3, 3>, nb::c_contig, nb::device::cpu>;
+using Vectors = nb::ndarray<const double, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
 
 Vec3 vec(const Triple &t) { return {std::get<0>(t), std::get<1>(t), std::get<2>(t)}; }
 
-// Camera-to-world rotation and position, and the lens.
-View view_of(const Matrix &rotation, const Vector &position, double fx, double fy, double cx, double cy, int width,
-             int height, const std::array<double, 5> &distortion)
-{
-    const double *r = rotation.data(), *p = position.data();
-    return {{p[0], p[1], p[2]}, {r[0], r[3], r[6]}, {r[1], r[4], r[7]}, {r[2], r[5], r[8]},
-            fx,                 fy,                 cx,                 cy,
-            width,              height,             distortion};
-}
+// A lens, and where its pixels lie.
+struct Camera {
+    View view;
+    Places places;
+
+    explicit Camera(const View &lens) : view(lens), places(lens, render_pad) {}
+
+    View at(const double *rotation, const double *position) const // camera to world
+    {
+        View there = view;
+        const double *r = rotation, *p = position;
+        there.eye = {p[0], p[1], p[2]};
+        there.right = {r[0], r[3], r[6]}, there.down = {r[1], r[4], r[7]}, there.forward = {r[2], r[5], r[8]};
+        return there;
+    }
+};
 
 void add(Scene &scene, Surface surface, int object, int part, const Material &material)
 {
@@ -60,6 +69,16 @@ NB_MODULE(_render, module)
                double gloss) { new (m) Material{pattern, vec(bgr), contrast, scale_cm, seed, gloss}; },
             nb::arg("pattern"), nb::arg("bgr"), nb::arg("contrast"), nb::arg("scale_cm"), nb::arg("seed"),
             nb::arg("gloss"));
+
+    nb::class_<Camera>(module, "Camera")
+        .def(
+            "__init__",
+            [](Camera *camera, double fx, double fy, double cx, double cy, int width, int height,
+               const std::array<double, 5> &distortion) {
+                new (camera) Camera(View{{}, {}, {}, {}, fx, fy, cx, cy, width, height, distortion});
+            },
+            nb::arg("fx"), nb::arg("fy"), nb::arg("cx"), nb::arg("cy"), nb::arg("width"), nb::arg("height"),
+            nb::arg("distortion") = std::array<double, 5>{});
 
     nb::class_<Scene>(module, "Scene")
         .def(
@@ -134,23 +153,27 @@ NB_MODULE(_render, module)
             nb::arg("base"))
         .def(
             "render",
-            [](const Scene &scene, const Matrix &rotation, const Vector &position, double fx, double fy, double cx,
-               double cy, int width, int height, double psf_px, const std::array<double, 5> &distortion) {
-                const auto bgr
-                    = render(scene, view_of(rotation, position, fx, fy, cx, cy, width, height, distortion), psf_px);
-                return to_numpy(bgr, {static_cast<std::size_t>(height), static_cast<std::size_t>(width), 3});
+            [](const Scene &scene, const Camera &camera, const Matrices &rotations, const Vectors &positions,
+               double psf_px) {
+                const std::size_t count = rotations.shape(0);
+                if (count == 0 || positions.shape(0) != count)
+                    throw nb::value_error("as many rotations as positions, at least one");
+                std::vector<View> views;
+                for (std::size_t n = 0; n < count; n++)
+                    views.push_back(camera.at(rotations.data() + 9 * n, positions.data() + 3 * n));
+                const auto bgr = render(scene, views, camera.places, psf_px);
+                return to_numpy(bgr, {static_cast<std::size_t>(camera.places.height),
+                                      static_cast<std::size_t>(camera.places.width), 3});
             },
-            nb::arg("rotation"), nb::arg("position"), nb::arg("fx"), nb::arg("fy"), nb::arg("cx"), nb::arg("cy"),
-            nb::arg("width"), nb::arg("height"), nb::arg("psf_px"), nb::arg("distortion") = std::array<double, 5>{})
+            nb::arg("camera"), nb::arg("rotations"), nb::arg("positions"), nb::arg("psf_px"))
         .def(
             "truth",
-            [](const Scene &scene, const Matrix &rotation, const Vector &position, double fx, double fy, double cx,
-               double cy, int width, int height, const std::array<double, 5> &distortion) {
-                const Truth t = truth(scene, view_of(rotation, position, fx, fy, cx, cy, width, height, distortion));
-                const auto h = static_cast<std::size_t>(height), w = static_cast<std::size_t>(width);
+            [](const Scene &scene, const Camera &camera, const Matrix &rotation, const Vector &position, bool areas) {
+                const Truth t = truth(scene, camera.at(rotation.data(), position.data()), camera.places, areas);
+                const auto h = static_cast<std::size_t>(camera.places.height);
+                const auto w = static_cast<std::size_t>(camera.places.width);
                 return nb::make_tuple(to_numpy(t.depth, {h, w}), to_numpy(t.part, {h, w}), to_numpy(t.object, {h, w}),
                                       to_numpy(t.area, {t.area.size()}), to_numpy(t.mean_z, {t.mean_z.size()}));
             },
-            nb::arg("rotation"), nb::arg("position"), nb::arg("fx"), nb::arg("fy"), nb::arg("cx"), nb::arg("cy"),
-            nb::arg("width"), nb::arg("height"), nb::arg("distortion") = std::array<double, 5>{});
+            nb::arg("camera"), nb::arg("rotation"), nb::arg("position"), nb::arg("areas") = true);
 }

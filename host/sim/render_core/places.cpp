@@ -67,6 +67,14 @@ Places::Places(const View &view, int margin)
             x0_ = std::min(x0_, place.x - 1.0), x1_ = std::max(x1_, place.x + 1.0);
             y0_ = std::min(y0_, place.y - 1.0), y1_ = std::max(y1_, place.y + 1.0);
         }
+    // A curve lies off its chord by at most an eighth of its second difference times the steps squared.
+    for (int y = -pad; y < height + pad; y++)
+        for (int x = -pad + 1; x + 1 < width + pad; x++) {
+            const Place before = at(x - 1, y), here = at(x, y), after = at(x + 1, y);
+            const double turn = std::max(std::abs(before.x - 2.0 * here.x + after.x),
+                                         std::abs(before.y - 2.0 * here.y + after.y));
+            bend_ = std::max(bend_, turn * block * block / 8.0);
+        }
 }
 
 Box Places::pixels_of(double x0, double x1, double y0, double y1) const

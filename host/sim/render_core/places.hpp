@@ -17,7 +17,7 @@ class Places {
 public:
     const int width, height, pad;
 
-    // `pad` more pixels all round than the view has.
+    // `pad` more pixels all round than the view has; the view's place and direction do not matter.
     Places(const View &view, int pad);
 
     Place at(int x, int y) const
@@ -27,6 +27,11 @@ public:
         return table_[static_cast<std::size_t>(y + pad) * (width + 2 * pad) + (x + pad)];
     }
 
+    // By how much the places of a row's pixels may lie off the straight line between those of two that are
+    // no further apart than `block`, in px.
+    static constexpr int block = 16;
+    double bend() const { return bend_; }
+
     // Pixels that show something of a rectangle in the pinhole's image; x0 >= x1 or y0 >= y1 when none does.
     Box pixels_of(double x0, double x1, double y0, double y1) const;
 
@@ -34,4 +39,5 @@ private:
     View view_;
     std::vector<Place> table_; // empty without distortion
     double x0_, x1_, y0_, y1_; // of the pinhole's image, that the pixels lie within
+    double bend_ = 0.0;
 };

@@ -36,26 +36,29 @@ double mix(double a, double b, double t) { return a + t * (b - a); }
 double smooth(double t) { return t * t * t * (t * (6.0 * t - 15.0) + 10.0); }
 
 // Value noise of wavelengths of about two lattice steps and more, in -1..1, mean 0.
-double value_noise(double x, double y, uint32_t seed)
+double value_noise(double x, double y, uint32_t seed, NoiseCell &cell)
 {
     const int32_t ix = floor_of(x), iy = floor_of(y);
+    if (ix != cell.x || iy != cell.y)
+        cell = {ix, iy,
+                {lattice(ix, iy, seed), lattice(ix + 1, iy, seed), lattice(ix, iy + 1, seed),
+                 lattice(ix + 1, iy + 1, seed)}};
     const double sx = smooth(x - ix), sy = smooth(y - iy);
-    const double upper = mix(lattice(ix, iy, seed), lattice(ix + 1, iy, seed), sx);
-    const double lower = mix(lattice(ix, iy + 1, seed), lattice(ix + 1, iy + 1, seed), sx);
-    return mix(upper, lower, sy);
+    const auto &[a, b, c, d] = cell.corners;
+    return mix(mix(a, b, sx), mix(c, d, sx), sy);
 }
 
 // Two octaves with lattice steps of step_u and step_v; an octave fades out before a pixel covers half of its
 // step, so that nothing is drawn that the pixel grid cannot hold.
-double noise(const Spot &spot, double step_u, double step_v, uint32_t seed)
+double noise(const Spot &spot, double step_u, double step_v, uint32_t seed, NoiseCells &cells)
 {
     double sum = 0.0, gain = 0.65;
-    for (uint32_t octave = 0; octave < 2; octave++) {
+    for (uint32_t octave = 0; octave < noise_octaves; octave++) {
         const double covered = std::max(spot.reach_u / step_u, spot.reach_v / step_v);
         const double fade = std::clamp(2.0 - 2.5 * covered, 0.0, 1.0);
         if (fade == 0.0)
             break;
-        sum += gain * fade * value_noise(spot.u / step_u, spot.v / step_v, seed + octave);
+        sum += gain * fade * value_noise(spot.u / step_u, spot.v / step_v, seed + octave, cells[octave]);
         gain *= 0.55, step_u *= 0.45, step_v *= 0.45;
     }
     return sum;
@@ -85,22 +88,22 @@ double plank_tone(double x, double reach, double plank, uint32_t seed)
     return (tone(first) * (last - left) + tone(last) * (right - last)) / (right - left);
 }
 
-Vec3 albedo(const Material &m, const Spot &spot)
+Vec3 albedo(const Material &m, const Spot &spot, NoiseCells &cells)
 {
     double light = 1.0;
     switch (m.pattern) {
     case Pattern::plain:
-        light += m.contrast * noise(spot, m.scale_cm, m.scale_cm, m.seed);
+        light += m.contrast * noise(spot, m.scale_cm, m.scale_cm, m.seed, cells);
         break;
     case Pattern::wood: // grain along v
-        light += m.contrast * (0.8 * noise(spot, 0.18 * m.scale_cm, 5.0 * m.scale_cm, m.seed)
+        light += m.contrast * (0.8 * noise(spot, 0.18 * m.scale_cm, 5.0 * m.scale_cm, m.seed, cells)
                                + 0.35 * plank_tone(spot.u, spot.reach_u, m.scale_cm, m.seed + 7));
         light *= 1.0 - 0.35 * line_cover(spot.u, spot.reach_u, m.scale_cm, 0.15);
         break;
     case Pattern::tiles: {
         const double grout_u = line_cover(spot.u, spot.reach_u, m.scale_cm, 0.5);
         const double grout_v = line_cover(spot.v, spot.reach_v, m.scale_cm, 0.5);
-        light += m.contrast * noise(spot, 0.2 * m.scale_cm, 0.2 * m.scale_cm, m.seed);
+        light += m.contrast * noise(spot, 0.2 * m.scale_cm, 0.2 * m.scale_cm, m.seed, cells);
         light *= 1.0 - 0.3 * (grout_u + grout_v - grout_u * grout_v);
         break;
     }
@@ -171,21 +174,36 @@ double distance_to(const Occluder &o, double x, double z)
     return std::sqrt(out_a * out_a + out_b * out_b) + std::min(std::max(a, b), 0.0);
 }
 
+// The ambient light's share near the foot of something; beyond this much of its reach no float tells it from 1.
+constexpr double contact_cm = 3.5, contact_ends = 16.0;
+
 // Share of the lamp's and of the ambient light that things standing about leave on the floor.
 void shadow(const Scene &scene, const Vec3 &point, double &lamp, double &ambient)
 {
     const double height = scene.floor_y - scene.light.lamp.y;
     const double slope_x = (scene.light.lamp.x - point.x) / height;
     const double slope_z = (scene.light.lamp.z - point.z) / height;
-    const double slope = std::sqrt(slope_x * slope_x + slope_z * slope_z);
+    const double slope2 = slope_x * slope_x + slope_z * slope_z;
+    const double slope = std::sqrt(slope2), per_slope2 = slope2 > 0.0 ? 1.0 / slope2 : 0.0;
     for (const Occluder &o : scene.occluders) {
         const double size = o.radius > 0.0 ? o.radius : o.half_u + o.half_v;
         const double away = size + slope * o.height + 0.3 * o.height + 14.0;
         const double dx = point.x - o.x, dz = point.z - o.z;
-        if (dx * dx + dz * dz > away * away)
+        const double distance2 = dx * dx + dz * dz;
+        if (distance2 > away * away)
             continue;
-        const double contact = std::max(distance_to(o, point.x, point.z), 0.0);
-        ambient *= 1.0 - 0.5 * std::exp(-(contact + o.base) / 3.5);
+        const double reach = size + contact_ends * contact_cm;
+        if (distance2 < reach * reach) {
+            const double contact = std::max(distance_to(o, point.x, point.z), 0.0);
+            ambient *= 1.0 - 0.5 * std::exp(-(contact + o.base) / contact_cm);
+        }
+        // Where the ray to the lamp comes nearest to the middle; too far even there, it passes.
+        const double top = o.base + 0.85 * (o.height - o.base);
+        const double nearest_up = std::clamp(-(dx * slope_x + dz * slope_z) * per_slope2, 0.0, top);
+        const double near_x = dx + nearest_up * slope_x, near_z = dz + nearest_up * slope_z;
+        const double blocked = size + 2.0 + 0.3 * top;
+        if (near_x * near_x + near_z * near_z > blocked * blocked)
+            continue;
         double passed = 1.0;
         for (const double part : {0.2, 0.5, 0.85}) { // where the ray to the lamp is at this part of the height
             const double up = o.base + part * (o.height - o.base), soft = 2.0 + 0.3 * up;
@@ -199,8 +217,16 @@ void shadow(const Scene &scene, const Vec3 &point, double &lamp, double &ambient
 
 } // namespace
 
-Vec3 shade(const Scene &scene, const Seen &seen, const View &view, double px, double py, double inverse_depth)
+Shader::Shader(const Scene &scene, const View &view, const std::vector<Seen> &seen)
+    : scene_(scene), view_(view), seen_(seen), cells_(seen.size())
 {
+}
+
+Vec3 Shader::at(int which, double px, double py, double inverse_depth)
+{
+    const Seen &seen = seen_[which];
+    const Scene &scene = scene_;
+    const View &view = view_;
     const Surface &s = *seen.surface;
     const double depth = 1.0 / inverse_depth;
     const Vec3 ray = view.ray(px, py), point = view.eye + depth * ray;
@@ -216,7 +242,7 @@ Vec3 shade(const Scene &scene, const Seen &seen, const View &view, double px, do
     double ambient = light.ambient + light.sky * (0.5 - 0.5 * normal.y);
     if (s.shadowed)
         shadow(scene, point, lamp, ambient);
-    Vec3 colour = (lamp + ambient) * albedo(s.material, spot);
+    Vec3 colour = (lamp + ambient) * albedo(s.material, spot, cells_[which]);
     if (s.material.gloss > 0.0) {
         const Vec3 half = unit(unit(to_lamp) - unit(ray));
         const double shine = s.material.gloss * std::pow(std::max(dot(normal, half), 0.0), shininess);

@@ -164,3 +164,28 @@ bool may_touch(const Seen &seen, double px, double py)
     const double reach = (ellipsoid ? 1.0 : std::max(s.radius, s.top)) + seen.slack;
     return dot(n, n) <= reach * reach * dot(d, d);
 }
+
+// Outlines of convex bodies are convex, so what all corners show fills the pixel. Of a cone that goes for the side
+// alone only where the rays enter well away from its ends.
+bool covers(const Seen &seen, const std::array<double, 4> &corner_x, const std::array<double, 4> &corner_y,
+            std::array<double, 4> &inverse_depth)
+{
+    double nearest = 0.0, farthest = 1e9, lowest = 1e9, highest = -1e9, steepest = 0.0;
+    for (int k = 0; k < 4; k++) {
+        inverse_depth[k] = inverse_depth_at(seen, corner_x[k], corner_y[k]);
+        if (inverse_depth[k] == 0.0)
+            return false;
+        nearest = std::max(nearest, inverse_depth[k]), farthest = std::min(farthest, inverse_depth[k]);
+        const double rise = seen.towards[1].at(corner_x[k], corner_y[k]);
+        const double up = seen.eye[1] + rise / inverse_depth[k];
+        lowest = std::min(lowest, up), highest = std::max(highest, up);
+        steepest = std::max(steepest, std::abs(rise));
+    }
+    if (nearest > 0.5 / near_cm)
+        return false;
+    if (seen.surface->shape == Shape::ellipsoid)
+        return true;
+    const double bulge = 2.0 * (1.0 / farthest - 1.0 / nearest) + 0.05;
+    const double margin = steepest * bulge + (highest - lowest) + 0.05;
+    return lowest > margin && highest < seen.surface->height - margin;
+}

@@ -81,3 +81,8 @@ double inverse_depth_at(const Seen &seen, double px, double py);
 
 // False when the surface surely shows nowhere in the pixel.
 bool may_touch(const Seen &seen, double px, double py);
+
+// True only when a curved surface surely fills the pixel with these corners; its inverse depths there bound it from
+// behind, for it bulges towards the camera.
+bool covers(const Seen &seen, const std::array<double, 4> &corner_x, const std::array<double, 4> &corner_y,
+            std::array<double, 4> &inverse_depth);
