@@ -93,16 +93,24 @@ class Stop:
 def region_mask(loops: Sequence[np.ndarray], shape: tuple[int, int]) -> np.ndarray:
     """Pixels (H, W) whose centres lie inside, even-odd over all loops, each (N, 2) in pixels."""
     height, width = shape
-    flips = np.zeros((height, width + 1), np.int32)
-    for loop in loops:
-        for (x0, y0), (x1, y1) in zip(loop, np.roll(loop, -1, axis=0), strict=True):
-            if y0 > y1:
-                x0, y0, x1, y1 = x1, y1, x0, y0
-            rows = np.arange(max(math.ceil(y0), 0), min(math.ceil(y1), height))
-            if len(rows):
-                crossing = x0 + (rows - y0) * ((x1 - x0) / (y1 - y0))
-                flips[rows, np.clip(np.ceil(crossing), 0, width).astype(int)] += 1
-    return (np.cumsum(flips, axis=1)[:, :width] & 1).astype(bool)
+    begin = np.concatenate(loops)
+    end = np.concatenate([np.roll(loop, -1, axis=0) for loop in loops])
+    down = (begin[:, 1] <= end[:, 1])[:, None]
+    (x0, y0), (x1, y1) = np.where(down, begin, end).T, np.where(down, end, begin).T
+    first = np.maximum(np.ceil(y0), 0).astype(int)
+    count = np.maximum(np.minimum(np.ceil(y1), height).astype(int) - first, 0)  # rows that an edge crosses
+    edge = np.repeat(np.arange(len(count)), count)
+    rows = first[edge] + np.arange(len(edge)) - np.repeat(np.cumsum(count) - count, count)
+    mask = np.zeros(shape, bool)
+    if len(rows) == 0:
+        return mask
+    crossing = x0[edge] + (rows - y0[edge]) * ((x1 - x0)[edge] / (y1 - y0)[edge])
+    columns = np.clip(np.ceil(crossing), 0, width).astype(int)
+    top, left, right = rows.min(), columns.min(), columns.max()
+    high, wide = rows.max() - top + 1, right - left + 1
+    flips = np.bincount((rows - top) * wide + columns - left, minlength=high * wide).reshape(high, wide)
+    mask[top : top + high, left:right] = np.cumsum(flips, axis=1)[:, :-1] & 1
+    return mask
 
 
 def summarise(samples: Sequence[DepthSample]) -> dict[str, Any]:
@@ -139,7 +147,7 @@ class Score:
             return
         self._looked_s = t_s
         renderer = self._simulation.renderer_at(t_s)
-        truth = renderer.truth(self._simulation.true_pose(t_s))
+        truth = renderer.truth(self._simulation.true_pose(t_s), areas=False)
         self.samples += score_depths(snapshot, report, truth, renderer.background_ids, t_s)
 
     def hear(self, moves: bool, reason: str) -> None:
