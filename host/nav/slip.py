@@ -9,6 +9,7 @@ or lifted. One that was put elsewhere between two pictures is told by regions th
 from __future__ import annotations
 
 import math
+from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,7 +26,7 @@ LEAST_PX = 4.0  # expected way from which its share can be told
 SIGMAS = 6.0  # and it must be this much longer than what the heading by the wheels may be off by
 SLIPS_BELOW = 0.4  # share of the expected way
 STRANGE_PX = 10.0  # ways that differ by more than this from what is expected,
-STRANGE_SHARE = 0.5  # and by more than this of it, are no error of the wheels
+RECENT = 4  # and by more than any way expected in so many pictures, are no error of the wheels or of times
 SAME_SHARE = 0.7  # of the picture shows the same regions as the last one; less is another place
 SAME_LEVELS = 20.0  # a region's colour changes by less, 0 to 255
 TURN_COSTS = 2.0  # times the part of the picture that a turn brings in may be new
@@ -95,6 +96,7 @@ class WheelWatch:
         self._from: _Points | None = None  # where ways begin
         self._last: _Points | None = None
         self._regions: dict[int, Region] = {}
+        self._expected_px: deque[float] = deque(maxlen=RECENT)
 
     def forget(self) -> None:
         """Begin anew with the next picture."""
@@ -133,7 +135,8 @@ class WheelWatch:
     def _strange(self, ways: _Ways, last: _Points, now: _Points) -> str | None:
         if len(ways.found) < LEAST_POINTS:
             return None
-        allowed = max(STRANGE_PX, STRANGE_SHARE * ways.expected_px, SIGMAS * self._heading_px(last, now))
+        self._expected_px.append(ways.expected_px)
+        allowed = max(STRANGE_PX, *self._expected_px, SIGMAS * self._heading_px(last, now))
         if ways.strange_px <= allowed:
             return None
         return f"picture moved {ways.strange_px:.0f} px otherwise than the wheels: pushed, lifted or slipping"
