@@ -11,12 +11,16 @@ class BodyConfig:
 
     cm_per_count: float = 0.5  # travel of a wheel from one encoder edge to the next
     track_cm: float = 15.0  # distance between the wheels' contact points
+    wheel_ratio: float = 1.0  # left wheel over right, as far as it is known; a drive goes on learning it
+    size_sigma: float = 0.01  # standard error of the wheels' mean size, relative
+    ratio_sigma: float = 0.02  # of their ratio
+    track_sigma: float = 0.02  # of the track, relative
     radius_cm: float = 12.0  # of the disc that holds the whole robot
     camera_height_cm: float = 15.0  # lens above the floor
     camera_ahead_cm: float = 12.0  # lens in front of the axle's middle
 
     def __post_init__(self) -> None:
-        _check_positive(self, zero_allowed={"camera_ahead_cm"})
+        _check_positive(self, zero_allowed={"camera_ahead_cm", "size_sigma", "ratio_sigma", "track_sigma"})
 
 
 # Beyond these the robot would drive on what it no longer knows, or faster than its link can say.

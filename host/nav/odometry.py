@@ -1,8 +1,8 @@
-"""Where the camera was at any time of the last second, from encoder counts and the times of their edges.
+"""Where the camera was at any time of the last second, by the wheels, and how sure that is.
 
-A count says that a wheel is somewhere within one cell of 0.5 cm; the time of an edge says when it stood
-exactly on a cell's border. Between edges a wheel is taken to turn evenly, so that on steady motion the
-travel is known to a small part of a count; where the borders lie, if not evenly, is learnt (see marks.py).
+Errors are of three kinds. Wheels and track are not exactly as long as they are taken for: that grows with all
+the way and all the turning, always alike. Wheels slip a little: that grows like a random walk. And where in
+its cell a wheel stands, now and at the start, is known to a part of a count only: that does not grow.
 """
 
 from __future__ import annotations
@@ -11,21 +11,20 @@ import math
 from bisect import bisect_right
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from host.link.protocol import NO_EDGE_US, Telemetry
 from host.nav.config import BodyConfig
-from host.nav.marks import Marks
+from host.nav.wheel import REST_SIGMA_COUNTS, Wheel
 from host.pose import Pose
 
 HISTORY_S = 1.0  # poses can be asked for this far back
-AHEAD_S = 0.1  # a pose may be asked for this long after the newest reading
-SAME_EDGE_S = 0.001  # an edge's time may shift by less than this as the clocks are compared anew
-REST_S = 0.25  # a wheel without an edge for this long, and four times its last period, stands
 START_EDGES = 8  # the start is over when a wheel has turned this far
 START_CELLS = 1.2  # wheels that differ by less than this many may have gone equally far
 EVEN_START = 0.1  # wheel speeds that differ by less than this part are a straight start
-EVEN_SIGMA_COUNTS = 0.01  # interpolation error of a wheel that turns evenly
-CHANGE_SIGMA_COUNTS = 0.25  # and for each unit by which the last two periods differ, relatively
-REST_SIGMA_COUNTS = 1 / math.sqrt(12)  # a standing wheel is anywhere within its cell
+EVEN_START_COUNTS = 0.1  # of the difference that a straight start leaves
+SLIP_CM2_PER_CM = 1e-4  # variance of a wheel's way that its turning does not tell: 1 mm over 1 m
+GROWN_CM = 1.0  # the covariance is carried on in steps of this way of a wheel
 
 
 @dataclass(frozen=True)
@@ -52,117 +51,21 @@ class WheelReading:
         return WheelReading(t_s, *counts, left, right, *directions)
 
 
-class Wheel:
-    """Travel of one wheel as a piecewise linear function of time through its encoder edges."""
+@dataclass(frozen=True)
+class Motion:
+    """How the camera moved between two times, in its own frame at the first of them."""
 
-    def __init__(self, cm_per_count: float, t_s: float, count: int):
-        self._cell = cm_per_count
-        self._zero = count + 0.5  # at the start the wheel is taken to stand in the middle of its cell
-        self._count = count
-        self._border = count  # of the last edge
-        self._marks = Marks()
-        self._edge_s: float | None = None
-        self._sign = 1
-        self._t = [t_s]  # knots: time, travel
-        self._s = [0.0]
-        self._resting = True  # the last knot says where the wheel stands, and moves on in time
-        self._heard_s = t_s  # up to here it is known that no further edge has come
-        self.edges = 0
+    x_cm: float  # to the right
+    z_cm: float  # ahead
+    heading_rad: float  # turned to the right
+    noise: np.ndarray  # (3, 3) of x, z, heading: slip, and where the wheels stand within their cells
+    by_wheels: np.ndarray  # (3, 3) d(x, z, heading) / d(relative size of both wheels, their ratio, track)
+    wheels: np.ndarray  # (3, 3) covariance of these three
 
-    def add(self, t_s: float, count: int, edge_s: float | None, direction: int = 0) -> None:
-        """One reading; an edge without a count is the one known already, or there and back again."""
-        self._heard_s = t_s
-        known = self._edge_s is not None and edge_s is not None and abs(edge_s - self._edge_s) < SAME_EDGE_S
-        if edge_s is not None and (count != self._count or not known):
-            self._add_edge(edge_s, count, direction)
-        elif self._resting:
-            self._t[-1] = max(self._t[-1], t_s)
-        elif t_s - self._t[-1] > max(REST_S, 4 * self._cell / max(self._speed(), 1e-9)):
-            middle = self._s[-1] + 0.5 * self._sign * self._cell
-            for when in (self._t[-1] + REST_S / 2, t_s):
-                self._t.append(when)
-                self._s.append(middle)
-            self._resting = True
-
-    def _add_edge(self, edge_s: float, count: int, direction: int) -> None:
-        if direction == 0 and count == self._count:  # there and back, whichever came last
-            border = round(self._s[-1] / self._cell + self._zero)
-            direction = 1 if border == count else -1
-        direction = direction or (1 if count > self._count else -1)
-        border = count if direction > 0 else count + 1
-        self._marks.hear(edge_s, border)
-        travel = (self._marks.place(border) - self._zero) * self._cell
-        self._border, self._sign = border, direction
-        self._count, self._edge_s = count, edge_s
-        self._resting = False
-        self.edges += 1
-        while len(self._t) > 1 and self._t[-1] >= edge_s:  # a rest that the late edge contradicts
-            self._t.pop()
-            self._s.pop()
-        if edge_s > self._t[-1]:
-            self._t.append(edge_s)
-            self._s.append(travel)
-        else:
-            self._s[-1] = travel
-
-    def _speed(self) -> float:
-        """Speed over the last full cell, cm/s, without sign."""
-        if len(self._t) < 2 or self._s[-1] == self._s[-2]:
-            return 0.0
-        return abs(self._s[-1] - self._s[-2]) / (self._t[-1] - self._t[-2])
-
-    def _to_next(self) -> float:
-        """Counts from the last edge to the next one in the same direction; about 1."""
-        return abs(self._marks.place(self._border + self._sign) - self._marks.place(self._border))
-
-    def velocity(self) -> float:
-        return self._sign * self._speed()
-
-    def restart(self) -> None:
-        """The counts go on, but what was learnt of the single edges is no longer true."""
-        self._marks.forget()
-
-    def shift(self, cm: float) -> None:
-        """Correct where in its cell the wheel stood at the start."""
-        self._zero -= cm / self._cell
-        self._s[1:] = [s + cm for s in self._s[1:]]
-
-    def travel(self, t_s: float) -> float:
-        """Travel at a time, cm; beyond the last edge it goes on, short of an edge that did not come."""
-        if t_s >= self._t[-1]:
-            if self._resting:
-                return self._s[-1]
-            cell = self._cell * self._to_next()
-            speed = self._speed() / cell  # cells a second
-            u = speed * (min(t_s, self._heard_s) - self._t[-1])
-            if u > 1:
-                speed, u = speed / u**2, 0.5 + 0.5 / u
-            u += speed * min(max(0.0, t_s - self._heard_s), AHEAD_S)
-            return self._s[-1] + self._sign * cell * u
-        k = bisect_right(self._t, t_s)
-        if k == 0:
-            return self._s[0]
-        part = (t_s - self._t[k - 1]) / (self._t[k] - self._t[k - 1])
-        return self._s[k - 1] + part * (self._s[k] - self._s[k - 1])
-
-    def sigma(self, t_s: float) -> float:
-        """Standard error of the travel within its cell, cm; small before it first moves, as that is 0."""
-        if self.edges == 0:
-            return self._cell * EVEN_SIGMA_COUNTS
-        late = t_s > self._t[-1] + 2 * self._cell / max(self._speed(), 1e-9)
-        if self._resting or late or len(self._t) < 3:
-            return self._cell * REST_SIGMA_COUNTS
-        (a, b, c), (p, q, r) = self._t[-3:], self._s[-3:]
-        before, last = abs((q - p) / (b - a)), abs((r - q) / (c - b))
-        change = abs(last - before) / max(last, before, 1e-9)
-        return self._cell * min(REST_SIGMA_COUNTS, EVEN_SIGMA_COUNTS + CHANGE_SIGMA_COUNTS * change)
-
-    def knots(self, t0: float, t1: float) -> list[float]:
-        return self._t[bisect_right(self._t, t0) : bisect_right(self._t, t1)]
-
-    def forget(self, t_s: float) -> None:
-        keep = max(0, bisect_right(self._t, t_s) - 2)
-        del self._t[:keep], self._s[:keep]
+    @property
+    def covariance(self) -> np.ndarray:
+        """(3, 3) of x, z, heading; what the wheels' sizes cause is the same error in every motion."""
+        return self.noise + self.by_wheels @ self.wheels @ self.by_wheels.T
 
 
 def advance(x: float, z: float, heading: float, ds_left: float, ds_right: float, track: float):
@@ -174,6 +77,139 @@ def advance(x: float, z: float, heading: float, ds_left: float, ds_right: float,
     return x + chord * math.sin(middle), z + chord * math.cos(middle), heading + turn
 
 
+@dataclass(frozen=True)
+class _Node:
+    """The middle of the axle at a time up to which nothing changes any more."""
+
+    t_s: float
+    left_cm: float  # travels, as the counts say
+    right_cm: float
+    x: float
+    z: float
+    heading: float
+    ratio: float  # left wheel over right, on the way from the last node to this one
+
+
+class Trail:
+    """The way of the axle's middle through what is settled, with its covariance."""
+
+    def __init__(self, body: BodyConfig, ratio: float) -> None:
+        self.ratio = ratio
+        self._track = body.track_cm
+        self._nodes = [_Node(-math.inf, 0.0, 0.0, 0.0, -body.camera_ahead_cm, 0.0, ratio)]
+        self._times = [-math.inf]
+        self._wheels = np.diag([body.size_sigma, body.ratio_sigma, body.track_sigma]) ** 2
+        self._grown = np.zeros((6, 6))  # covariance of x, z, heading and the wheels' three, at a node
+        self._grown[3:, 3:] = self._wheels
+        self._grown_at = self._nodes[0]
+
+    @property
+    def wheels(self) -> np.ndarray:
+        """(3, 3) covariance of the wheels' relative size, ratio and track."""
+        return self._wheels
+
+    @property
+    def last(self) -> _Node:
+        """The newest node."""
+        return self._nodes[-1]
+
+    def step(self, node: _Node, t_s: float, left_cm: float, right_cm: float) -> _Node:
+        """Where both wheels, rolling evenly on from a node to these travels, take the axle."""
+        left, right = left_cm - node.left_cm, right_cm - node.right_cm
+        if left == 0.0 and right == 0.0:
+            return _Node(t_s, left_cm, right_cm, node.x, node.z, node.heading, self.ratio)
+        larger, smaller = sizes(self.ratio)
+        x, z, heading = advance(node.x, node.z, node.heading, larger * left, smaller * right, self._track)
+        return _Node(t_s, left_cm, right_cm, x, z, heading, self.ratio)
+
+    def append(self, t_s: float, left_cm: float, right_cm: float) -> None:
+        """Settled up to here."""
+        node = self.step(self.last, t_s, left_cm, right_cm)
+        self._nodes.append(node)
+        self._times.append(t_s)
+        since = self._grown_at
+        if max(abs(left_cm - since.left_cm), abs(right_cm - since.right_cm)) > GROWN_CM:
+            self._grown = self._growth(self._grown, since, node)
+            self._grown_at = node
+
+    def renumber(self, left_cm: float, right_cm: float) -> None:
+        """The travels at the newest node are these after all; the place is what it was."""
+        node = replace(self.last, left_cm=left_cm, right_cm=right_cm)
+        if self._grown_at is self.last:
+            self._grown_at = node
+        self._nodes[-1] = node
+
+    def begin(self, sigma_way_cm: float, sigma_heading_rad: float) -> None:
+        """How far the place where the axle is taken to have been at first may be off."""
+        self._grown[1, 1], self._grown[2, 2] = sigma_way_cm**2, sigma_heading_rad**2
+
+    def at(self, t_s: float) -> _Node:
+        """At a time up to the newest node's; before the oldest, the oldest."""
+        k = bisect_right(self._times, t_s)
+        if k == 0:
+            return self._nodes[0]
+        if k == len(self._times):
+            return self._nodes[-1]
+        before, after = self._nodes[k - 1], self._nodes[k]
+        if before.left_cm == after.left_cm and before.right_cm == after.right_cm:
+            return before
+        part = (t_s - before.t_s) / (after.t_s - before.t_s)
+        left = part * (after.left_cm - before.left_cm)
+        right = part * (after.right_cm - before.right_cm)
+        larger, smaller = sizes(after.ratio)
+        x, z, heading = advance(
+            before.x, before.z, before.heading, larger * left, smaller * right, self._track
+        )
+        return _Node(t_s, before.left_cm + left, before.right_cm + right, x, z, heading, after.ratio)
+
+    def forget(self, t_s: float) -> None:
+        """Nobody will ask for times before this one."""
+        keep = max(0, bisect_right(self._times, t_s) - 1)
+        del self._nodes[:keep], self._times[:keep]
+
+    def covariance(self, node: _Node) -> np.ndarray:
+        """(3, 3) of x, z, heading of the axle there, without what the wheels' cells leave open."""
+        return self._growth(self._grown, self._grown_at, node)[:3, :3]
+
+    def _growth(self, grown: np.ndarray, a: _Node, b: _Node) -> np.ndarray:
+        noise, by_wheels = self.between(a, b)
+        move = np.eye(6)
+        move[0, 2], move[1, 2] = b.z - a.z, a.x - b.x
+        c, s = math.cos(a.heading), math.sin(a.heading)
+        turn = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+        move[:3, 3:] = turn @ by_wheels
+        out = move @ grown @ move.T
+        out[:3, :3] += turn @ noise @ turn.T
+        return out
+
+    def between(self, a: _Node, b: _Node) -> tuple[np.ndarray, np.ndarray]:
+        """(noise by slip, derivatives by the wheels) of the axle's motion from one node to another.
+
+        Both (3, 3) of x to the right, z ahead, heading, as seen at the first.
+        """
+        larger, smaller = sizes((a.ratio + b.ratio) / 2)
+        left, right = larger * (b.left_cm - a.left_cm), smaller * (b.right_cm - a.right_cm)
+        way, turn = (left + right) / 2, (left - right) / self._track
+        c, s = math.cos(turn / 2), math.sin(turn / 2)
+
+        def moved(d_way: float, d_turn: float) -> tuple[float, float, float]:
+            return s * d_way + 0.5 * c * way * d_turn, c * d_way - 0.5 * s * way * d_turn, d_turn
+
+        one_left, one_right = (np.array(moved(0.5, sign / self._track)) for sign in (1, -1))
+        noise = SLIP_CM2_PER_CM * (
+            abs(left) * np.outer(one_left, one_left) + abs(right) * np.outer(one_right, one_right)
+        )
+        by_size = moved(way, turn)
+        by_ratio = moved((left - right) / 4, way / self._track)
+        by_track = moved(0.0, -turn)
+        return noise, np.column_stack([by_size, by_ratio, by_track])
+
+
+def sizes(ratio: float) -> tuple[float, float]:
+    """Left and right wheel over their mean, for left over right."""
+    return 2 * ratio / (1 + ratio), 2 / (1 + ratio)
+
+
 class Odometry:
     """The planar path of the robot; gives the camera's pose. World: the camera at the start."""
 
@@ -182,7 +218,10 @@ class Odometry:
         self._left: Wheel | None = None
         self._right: Wheel | None = None
         self._phase_known = False
-        self._base = (0.0, 0.0, -body.camera_ahead_cm, 0.0)  # time, x, z, heading of the axle's middle
+        self._learnt = Trail(body, body.wheel_ratio)
+        self._configured = Trail(body, body.wheel_ratio)
+        self._begun = False
+        self._start_sigma_cm = 0.0  # of the mean travel, since it began within a cell
         self._newest_s = -math.inf
         self._counts: tuple[int, int] | None = None
         self._zeros = (0, 0)  # where the robot's counts began, on the odometry's
@@ -197,6 +236,15 @@ class Odometry:
     def newest_s(self) -> float:
         """Time of the newest reading; -inf before the first."""
         return self._newest_s
+
+    @property
+    def wheel_ratio(self) -> float:
+        """Left wheel over right, from now on. What is settled stays where it was: poses never jump."""
+        return self._learnt.ratio
+
+    @wheel_ratio.setter
+    def wheel_ratio(self, ratio: float) -> None:
+        self._learnt.ratio = ratio
 
     def restart(self) -> None:
         """The robot restarted: its counts begin at zero again, where the wheels were at the last reading.
@@ -216,7 +264,6 @@ class Odometry:
             cell = self._body.cm_per_count
             self._left = Wheel(cell, r.t_s, r.count_left)
             self._right = Wheel(cell, r.t_s, r.count_right)
-            self._base = (r.t_s, *self._base[1:])
         if r.t_s <= self._newest_s:
             return
         self._newest_s = r.t_s
@@ -226,15 +273,38 @@ class Odometry:
         self._counts = counts
         self._left.add(r.t_s, r.count_left, r.edge_left_s, r.direction_left)
         self._right.add(r.t_s, r.count_right, r.edge_right_s, r.direction_right)
+        self._settle()
         self._find_phase()
-        if r.t_s - HISTORY_S > self._base[0]:
-            base_t = r.t_s - HISTORY_S
-            self._base = (base_t, *self._integrate(base_t))
-            self._left.forget(base_t)
-            self._right.forget(base_t)
+        oldest_s = r.t_s - HISTORY_S
+        for part in (self._learnt, self._configured, self._left, self._right):
+            part.forget(oldest_s)
+
+    def _settle(self) -> None:
+        assert self._left is not None and self._right is not None
+        until_s = min(self._left.settled_s, self._right.settled_s)
+        for t_s in self._bends(self._learnt.last.t_s, until_s):
+            travels = self._travels(t_s)
+            self._learnt.append(t_s, *travels)
+            self._configured.append(t_s, *travels)
+        if not self._begun and self._left.edges + self._right.edges > 0:
+            self._begin(self._body.cm_per_count * REST_SIGMA_COUNTS / math.sqrt(2))
+
+    def _bends(self, after_s: float, until_s: float) -> list[float]:
+        """Times at which either wheel changes its speed, and the last."""
+        assert self._left is not None and self._right is not None
+        if not until_s > after_s:
+            return []
+        return sorted({*self._left.knots(after_s, until_s), *self._right.knots(after_s, until_s), until_s})
+
+    def _begin(self, sigma_way_cm: float, sigma_difference_cm: float | None = None) -> None:
+        """The wheels have moved: the camera began where it was, but within their cells they did anywhere."""
+        sigma = 2 * sigma_way_cm if sigma_difference_cm is None else sigma_difference_cm
+        self._begun, self._start_sigma_cm = True, sigma_way_cm
+        for trail in (self._learnt, self._configured):
+            trail.begin(sigma_way_cm, sigma / self._body.track_cm)
 
     def _find_phase(self) -> None:
-        """On a straight start both wheels have gone equally far: that tells where in its cell each began."""
+        """Where in its cell each wheel began: from how it started, and on a straight start both alike."""
         left, right = self._left, self._right
         assert left is not None and right is not None
         if self._phase_known or min(left.edges, right.edges) < 3:
@@ -247,52 +317,109 @@ class Odometry:
         t = self._newest_s
         difference = left.travel(t) - right.travel(t)
         if abs(difference) < self._body.cm_per_count:
-            left.shift(-difference / 2)
-            right.shift(difference / 2)
-
-    def _integrate(self, t_s: float) -> tuple[float, float, float]:
-        t0, x, z, heading = self._base
-        left, right = self._left, self._right
-        assert left is not None and right is not None
-        times = [t0, *sorted({*left.knots(t0, t_s), *right.knots(t0, t_s)} - {t0}), t_s]
-        s_left, s_right = self._travels(t0)
-        for t in times[1:]:
-            now_left, now_right = self._travels(t)
-            x, z, heading = advance(
-                x, z, heading, now_left - s_left, now_right - s_right, self._body.track_cm
-            )
-            s_left, s_right = now_left, now_right
-        return x, z, heading
+            back_left, sigma_left = left.lead_in()
+            back_right, sigma_right = right.lead_in()
+            a, b = sigma_right**2, sigma_left**2  # weights: the surer one counts more
+            on = (a * (back_left + difference / 2) + b * (back_right - difference / 2)) / (a + b)
+            left.shift(on - difference / 2)
+            right.shift(on + difference / 2)
+            cell = self._body.cm_per_count
+            self._begin(math.sqrt(a * b / (a + b)), EVEN_START_COUNTS * cell)
+            # both have come so much further than was thought, which the next step makes up for
+            behind_left, behind_right = (s - on for s in self._travels(self._learnt.last.t_s))
+            self._learnt.renumber(behind_left, behind_right)
+            self._configured.renumber(behind_left, behind_right)
 
     def _travels(self, t_s: float) -> tuple[float, float]:
         """Travel of both wheels; equal for a straight start, until the phases are known."""
         assert self._left is not None and self._right is not None
         left, right = self._left.travel(t_s), self._right.travel(t_s)
-        if not self._phase_known and abs(left - right) < START_CELLS * self._body.cm_per_count:
+        alike = left * right >= 0.0 and abs(left - right) < START_CELLS * self._body.cm_per_count
+        if alike and not self._phase_known:
             return (left + right) / 2, (left + right) / 2
         return left, right
+
+    def _axle(self, t_s: float, trail: Trail) -> _Node:
+        node = trail.last
+        if t_s <= node.t_s or self._left is None:
+            return trail.at(t_s)
+        for when in self._bends(node.t_s, t_s):
+            node = trail.step(node, when, *self._travels(when))
+        return node
 
     def pose_at(self, t_s: float) -> Pose:
         """Pose of the camera at a time between one second before the newest reading and shortly after it.
 
-        ``sigma_z_cm`` and ``sigma_rot_rad`` hold the part that differs from frame to frame (where the
-        wheels stand within their cells); a wrong wheel size scales all travel alike and is not in them.
-        Times before the history give its oldest pose.
+        ``sigma_z_cm`` and ``sigma_rot_rad`` hold what the wheels' cells leave open, now and at the start; a
+        wrong wheel size scales all travel alike and is not in them (see `covariance_at`). Times before the
+        history give its oldest pose.
         """
-        ahead = self._body.camera_ahead_cm
-        if self._left is None or self._right is None:
-            return Pose.planar(0.0, 0.0, 0.0, t_s=t_s)
-        x, z, heading = self._integrate(max(t_s, self._base[0]))
-        sigma_left, sigma_right = self._left.sigma(t_s), self._right.sigma(t_s)
-        both = math.hypot(sigma_left, sigma_right)
-        return Pose.planar(
-            x + ahead * math.sin(heading),
-            z + ahead * math.cos(heading),
-            heading,
-            t_s=t_s,
-            sigma_z_cm=both / 2,
+        node = self._axle(t_s, self._learnt)
+        if not self._begun or self._left is None or self._right is None:
+            return self._camera(node, t_s)
+        both = math.hypot(self._left.sigma(t_s), self._right.sigma(t_s))
+        return self._camera(
+            node,
+            t_s,
+            sigma_z_cm=math.hypot(both / 2, self._start_sigma_cm),
             sigma_rot_rad=math.sqrt(2) * both / self._body.track_cm,
         )
+
+    def dead_reckoning_at(self, t_s: float) -> Pose:
+        """The same with the wheels as they were configured, whatever was learnt of them since."""
+        return self._camera(self._axle(t_s, self._configured), t_s)
+
+    def _camera(self, node: _Node, t_s: float, **more: float) -> Pose:
+        x, z = self._lens(node)
+        return Pose.planar(x, z, node.heading, t_s=t_s, **more)
+
+    def _lens(self, node: _Node) -> tuple[float, float]:
+        ahead = self._body.camera_ahead_cm
+        return node.x + ahead * math.sin(node.heading), node.z + ahead * math.cos(node.heading)
+
+    def covariance_at(self, t_s: float) -> np.ndarray:
+        """(3, 3) of x, z, heading of the camera's pose since the start, in cm and rad; it only grows."""
+        node = self._axle(t_s, self._learnt)
+        if not self._begun:
+            return np.zeros((3, 3))
+        lever = self._lever(node.heading)
+        return lever @ (self._learnt.covariance(node) + self._cells(t_s, node.heading)) @ lever.T
+
+    def motion(self, from_s: float, to_s: float) -> Motion:
+        """How the camera moved between two times of the last second."""
+        a, b = self._axle(from_s, self._learnt), self._axle(to_s, self._learnt)
+        (xa, za), (xb, zb) = self._lens(a), self._lens(b)
+        c, s = math.cos(a.heading), math.sin(a.heading)
+        noise, by_wheels = self._learnt.between(a, b)
+        turn = b.heading - a.heading
+        if a.left_cm != b.left_cm or a.right_cm != b.right_cm:
+            noise = noise + self._cells(from_s, 0.0) + self._cells(to_s, turn)
+        # the camera stands ahead of the axle: what a wrong turn does to it, seen from where it was
+        lever = self._lever(turn)
+        return Motion(
+            c * (xb - xa) - s * (zb - za),
+            s * (xb - xa) + c * (zb - za),
+            turn,
+            lever @ noise @ lever.T,
+            lever @ by_wheels,
+            self._learnt.wheels,
+        )
+
+    def _lever(self, heading: float) -> np.ndarray:
+        ahead = self._body.camera_ahead_cm
+        lever = np.eye(3)
+        lever[0, 2], lever[1, 2] = ahead * math.cos(heading), -ahead * math.sin(heading)
+        return lever
+
+    def _cells(self, t_s: float, heading: float) -> np.ndarray:
+        """(3, 3) of the axle's x, z, heading: where in their cells the wheels stand."""
+        if self._left is None or self._right is None:
+            return np.zeros((3, 3))
+        out = np.zeros((3, 3))
+        for wheel, sign in ((self._left, 1), (self._right, -1)):
+            one = np.array([math.sin(heading) / 2, math.cos(heading) / 2, sign / self._body.track_cm])
+            out += wheel.sigma(t_s) ** 2 * np.outer(one, one)
+        return out
 
 
 def heading_of(pose: Pose) -> float:

@@ -14,7 +14,8 @@ import pytest
 from host.link.faults import Faults, FaultyLine
 from host.link.protocol import Telemetry
 from host.link.robot import Robot
-from host.nav.odometry import Wheel, WheelReading
+from host.nav.odometry import WheelReading
+from host.nav.wheel import Wheel
 from host.sim.body import BodyModel
 from host.sim.rolling import RollingRobot
 

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from planar_world import PlanarWorld
 
 from host.nav.config import BodyConfig
-from host.nav.odometry import Odometry, Wheel, WheelReading, advance, heading_of
+from host.nav.odometry import Odometry, WheelReading, advance, heading_of
+from host.nav.wheel import Wheel
 from host.pose import Pose
 
 BODY = BodyConfig()

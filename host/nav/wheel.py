@@ -1,0 +1,236 @@
+"""Travel of one wheel at any time, from encoder counts and the times of their edges.
+
+A count says that a wheel is somewhere within one cell of 0.5 cm; the time of an edge says when it stood
+exactly on a cell's border. Between edges a wheel is taken to turn evenly, so that on steady motion the
+travel is known to a small part of a count; where the borders lie, if not evenly, is learnt (see marks.py).
+
+How it begins and ends to turn is not told either, only seen: the periods of the first cells say how far the
+wheel had come before the first edge, and its speed at the last edge how far it went on.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from itertools import pairwise
+
+import numpy as np
+
+from host.nav.marks import Marks
+
+AHEAD_S = 0.1  # travel may be asked for this long after the newest reading
+SAME_EDGE_S = 0.001  # an edge's time may shift by less than this as the clocks are compared anew
+REST_S = 0.25  # a wheel without an edge for this long, and four times its last period, stands
+REST_SIGMA_COUNTS = 1 / math.sqrt(12)  # a wheel of which nothing is known is anywhere within its cell
+CREEP_S = 1.0  # a wheel whose next edge comes within this had not stopped for good
+EVEN_SIGMA_COUNTS = 0.02  # between two edges of a wheel that turns evenly
+BENT_SIGMA_COUNTS = 0.15  # and for each unit by which neighbouring periods differ, relatively
+AHEAD_SIGMA_COUNTS = 0.1  # one cell after the last edge, beside what the last periods differ by
+AHEAD_BENT = 2.0  # what those count there, over what they count between two edges
+ROLL_OUT_S = 0.055  # a wheel about to stop goes on as far as it would in this time at an even speed
+STOPPED_SIGMA_COUNTS = 0.2  # of where it stands then
+
+# What a start may be like: way to the first edge, acceleration, and the speed it leads to, over the one seen.
+LEADS = (np.arange(24) + 0.5) / 24
+ACCELERATIONS_CM_S2 = 100.0 * 2.0 ** np.linspace(-4.0, 2.0, 25)
+USUAL_ACCELERATION_CM_S2, ACCELERATION_SPREAD = 100.0, 1.0  # natural logarithm
+FINAL_SPEEDS = np.array([1.0, 1.1, 1.3, 100.0])
+CLEAR_CHANGE = 0.15  # relative, of the speed over a cell; uneven edges alone may seem to change it by less
+PERIOD_SIGMA = 0.06  # relative: uneven edges, and motors that lag
+
+
+def lead_in(periods_s: list[float], cell_cm: float) -> tuple[float, float]:
+    """(way from rest to the first edge, its standard error), cm, from the periods of the cells after it.
+
+    The mean over all evenly accelerated starts to a final speed, each as likely as it explains the periods.
+    """
+    lead, acceleration, final = np.meshgrid(
+        cell_cm * LEADS, ACCELERATIONS_CM_S2, FINAL_SPEEDS * cell_cm / min(periods_s), indexing="ij"
+    )
+    cost = (np.log(acceleration / USUAL_ACCELERATION_CM_S2) / ACCELERATION_SPREAD) ** 2
+
+    def time_of(way: np.ndarray) -> np.ndarray:
+        speeding_up = np.minimum(way, final**2 / (2 * acceleration))
+        return np.sqrt(2 * speeding_up / acceleration) + (way - speeding_up) / final
+
+    for k, period in enumerate(periods_s):
+        expected = time_of(lead + (k + 1) * cell_cm) - time_of(lead + k * cell_cm)
+        cost += (np.log(expected / period) / PERIOD_SIGMA) ** 2
+    weight = np.exp(-0.5 * (cost - cost.min()))
+    mean = float((weight * lead).sum() / weight.sum())
+    variance = float((weight * (lead - mean) ** 2).sum() / weight.sum())
+    return mean, math.sqrt(variance + (0.05 * cell_cm) ** 2)
+
+
+class Wheel:
+    """Travel of one wheel as a piecewise linear function of time through its encoder edges."""
+
+    def __init__(self, cm_per_count: float, t_s: float, count: int):
+        self._cell = cm_per_count
+        self._zero = count + 0.5  # at the start the wheel is taken to stand in the middle of its cell
+        self._count = count
+        self._border = count  # of the last edge
+        self._marks = Marks()
+        self._edge_s: float | None = None
+        self._sign = 1
+        self._t = [t_s]  # knots: time, travel
+        self._s = [0.0]
+        self._resting = True  # the last knot says where the wheel stands, and moves on in time
+        self._heard_s = t_s  # up to here it is known that no further edge has come
+        self._pause_s = math.inf  # between the last two edges
+        self._run = 0  # edges since it last stood or turned round
+        self.edges = 0
+
+    @property
+    def settled_s(self) -> float:
+        """Up to here no later reading changes the travel."""
+        return self._t[-1]
+
+    def add(self, t_s: float, count: int, edge_s: float | None, direction: int = 0) -> None:
+        """One reading; an edge without a count is the one known already, or there and back again."""
+        self._heard_s = t_s
+        known = self._edge_s is not None and edge_s is not None and abs(edge_s - self._edge_s) < SAME_EDGE_S
+        if edge_s is not None and (count != self._count or not known):
+            self._add_edge(edge_s, count, direction)
+        elif self._resting:
+            self._t[-1] = max(self._t[-1], t_s)
+        elif t_s - self._t[-1] > self._patience_s():
+            stands = self._s[-1] + self._sign * self._roll_out()
+            for when in (self._t[-1] + REST_S / 2, t_s):
+                self._t.append(when)
+                self._s.append(stands)
+            self._resting = True
+
+    def _patience_s(self) -> float:
+        """Without an edge for this long it stands."""
+        speed = self._speed() or self._speed_at_edge()
+        return max(REST_S, 4 * self._cell / speed) if speed else REST_S
+
+    def _roll_out(self) -> float:
+        """How far it goes on after the last edge when no other follows, cm."""
+        return min(self._speed_at_edge() * ROLL_OUT_S, 0.95 * self._cell)
+
+    def _speed_at_edge(self) -> float:
+        """Speed at the last edge, cm/s, without sign: that of the last cell, or as it clearly changed."""
+        last = self._speed()
+        if self._run < 2:
+            begun = math.sqrt(USUAL_ACCELERATION_CM_S2 * self._cell)  # from the middle of its cell
+            return min(begun, self._cell / self._pause_s) if self._pause_s < CREEP_S else begun
+        if self._run < 3 or last == 0.0:
+            return last
+        (a, b, c), (p, q, _) = self._t[-3:], self._s[-3:]
+        before = abs((q - p) / (b - a))
+        if abs(last - before) < CLEAR_CHANGE * max(last, before):
+            return last
+        return min(max(last + (last - before) * (c - b) / (c - a), last / 4), 1.5 * last)
+
+    def _add_edge(self, edge_s: float, count: int, direction: int) -> None:
+        if direction == 0 and count == self._count:  # there and back, whichever came last
+            border = round(self._s[-1] / self._cell + self._zero)
+            direction = 1 if border == count else -1
+        direction = direction or (1 if count > self._count else -1)
+        border = count if direction > 0 else count + 1
+        self._marks.hear(edge_s, border)
+        travel = (self._marks.place(border) - self._zero) * self._cell
+        self._run = 1 if self._resting or direction != self._sign else self._run + 1
+        self._border, self._sign = border, direction
+        self._pause_s = math.inf if self._edge_s is None else max(edge_s - self._edge_s, SAME_EDGE_S)
+        self._count, self._edge_s = count, edge_s
+        self._resting = False
+        self.edges += 1
+        while len(self._t) > 1 and self._t[-1] >= edge_s:  # a rest that the late edge contradicts
+            self._t.pop()
+            self._s.pop()
+        if edge_s > self._t[-1]:
+            self._t.append(edge_s)
+            self._s.append(travel)
+        else:
+            self._s[-1] = travel
+
+    def _speed(self) -> float:
+        """Speed over the last full cell, cm/s, without sign."""
+        if self._run < 2 or self._s[-1] == self._s[-2]:
+            return 0.0
+        return abs(self._s[-1] - self._s[-2]) / (self._t[-1] - self._t[-2])
+
+    def _to_next(self) -> float:
+        """Counts from the last edge to the next one in the same direction; about 1."""
+        return abs(self._marks.place(self._border + self._sign) - self._marks.place(self._border))
+
+    def velocity(self) -> float:
+        """Over the last full cell, cm/s."""
+        return self._sign * self._speed()
+
+    def restart(self) -> None:
+        """The counts go on, but what was learnt of the single edges is no longer true."""
+        self._marks.forget()
+
+    def lead_in(self) -> tuple[float, float]:
+        """(by how much the start lies further back than is taken so far, standard error), cm, with its sign.
+
+        From the first three edges, while they are remembered and of one direction.
+        """
+        t, s = self._t[1:4], self._s[1:4]  # after the rest
+        steps = [(b - a) * self._sign for a, b in pairwise(s)]
+        if len(steps) < 2 or not all(0.5 < step / self._cell < 1.5 for step in steps):
+            return 0.0, self._cell * REST_SIGMA_COUNTS
+        way, sigma = lead_in([b - a for a, b in pairwise(t)], self._cell)
+        return self._sign * (way - abs(s[0] - self._s[0])), sigma
+
+    def shift(self, cm: float) -> None:
+        """Correct where in its cell the wheel stood at the start."""
+        self._zero -= cm / self._cell
+        self._s[1:] = [s + cm for s in self._s[1:]]
+
+    def travel(self, t_s: float) -> float:
+        """Travel at a time, cm; beyond the last edge it goes on, short of an edge that did not come."""
+        if t_s >= self._t[-1]:
+            if self._resting:
+                return self._s[-1]
+            cell = self._cell * self._to_next()
+            speed = self._speed_at_edge() / cell  # cells a second
+            u = speed * (min(t_s, self._heard_s) - self._t[-1])
+            if u > 1:
+                stands = self._roll_out() / self._cell
+                speed, u = 0.0, stands + (1 - stands) / u
+            u += speed * min(max(0.0, t_s - self._heard_s), AHEAD_S)
+            return self._s[-1] + self._sign * cell * u
+        k = bisect_right(self._t, t_s)
+        if k == 0:
+            return self._s[0]
+        part = (t_s - self._t[k - 1]) / (self._t[k] - self._t[k - 1])
+        return self._s[k - 1] + part * (self._s[k] - self._s[k - 1])
+
+    def sigma(self, t_s: float) -> float:
+        """Standard error of the travel within its cell, cm, beside that of where the wheel began."""
+        k = bisect_right(self._t, t_s)
+        rest = self._cell * (REST_SIGMA_COUNTS if self.edges == 0 else STOPPED_SIGMA_COUNTS)
+        if k < len(self._t):
+            if k < 2 or self._s[k] == self._s[k - 1]:
+                return rest
+            return self._cell * min(
+                REST_SIGMA_COUNTS, EVEN_SIGMA_COUNTS + BENT_SIGMA_COUNTS * self._change(k)
+            )
+        if self._resting:
+            return rest
+        u = (t_s - self._t[-1]) * self._speed() / self._cell
+        if self._run < 2 or u > 1.5:
+            return self._cell * REST_SIGMA_COUNTS
+        bent = BENT_SIGMA_COUNTS * self._change(len(self._t) - 1)
+        ahead = EVEN_SIGMA_COUNTS + bent + u * u * (AHEAD_SIGMA_COUNTS + AHEAD_BENT * bent)
+        return self._cell * min(REST_SIGMA_COUNTS, ahead)
+
+    def _change(self, k: int) -> float:
+        """By how much the speed before knot ``k`` differs from that before and after, relatively."""
+        t, s = self._t, self._s
+        speeds = [abs(s[j] - s[j - 1]) / (t[j] - t[j - 1]) for j in range(max(1, k - 1), min(len(t), k + 2))]
+        return (max(speeds) - min(speeds)) / max(*speeds, 1e-9) if len(speeds) > 1 else 1.0
+
+    def knots(self, t0: float, t1: float) -> list[float]:
+        """Times after ``t0``, up to ``t1``, at which the speed changes."""
+        return self._t[bisect_right(self._t, t0) : bisect_right(self._t, t1)]
+
+    def forget(self, t_s: float) -> None:
+        """Nobody will ask for times before this one."""
+        keep = max(0, bisect_right(self._t, t_s) - 3)
+        del self._t[:keep], self._s[:keep]
