@@ -16,6 +16,7 @@ from host.depth.config import DepthConfig
 from host.depth.estimator import Estimator
 from host.depth.report import DepthReport
 from host.nav.config import BodyConfig, NavConfig
+from host.nav.localise import Localiser
 from host.nav.map import ObstacleMap
 from host.nav.odometry import Odometry
 from host.nav.steer import Command, body_of
@@ -47,7 +48,7 @@ class Stages:
     def of(self, stage: str) -> Iterator[None]:
         began_s = time.perf_counter()
         yield
-        self.ms[stage] = 1e3 * (time.perf_counter() - began_s)
+        self.ms[stage] = self.ms.get(stage, 0.0) + 1e3 * (time.perf_counter() - began_s)
 
 
 class Pilot:
@@ -67,6 +68,7 @@ class Pilot:
         nav: NavConfig,
     ) -> None:
         self.odometry = Odometry(body)
+        self.localiser = Localiser(body, lens)
         self.map = ObstacleMap(body, nav)
         self._lens, self._task, self._body = lens, task, body
         self._configs = net, depth, nav
@@ -78,13 +80,15 @@ class Pilot:
         """Make a command of one frame; the decision is for ``now_s``, when the robot is further on."""
         stages = Stages()
         odometry = self.odometry.pose_at(frame.t_s)
-        with stages.of("net"):
-            snapshot = self._net.track(frame.image, self._turned(odometry))
-        with stages.of("depth"):
-            depths = self._depth.update(snapshot, odometry)
         with stages.of("localise"):
-            pose = odometry
-            here = self.odometry.pose_at(now_s)
+            smooth = self.localiser.move(odometry)
+        with stages.of("net"):
+            snapshot = self._net.track(frame.image, self._turned(smooth))
+        with stages.of("depth"):
+            depths = self._depth.update(snapshot, smooth)
+        with stages.of("localise"):
+            pose = self.localiser.update(snapshot, depths)
+            here = self.localiser.ahead_of(self.odometry.pose_at(now_s))
         with stages.of("map"):
             x, z, _ = body_of(here, self._body.camera_ahead_cm)
             self.map.stand_on(x, z)
@@ -94,8 +98,8 @@ class Pilot:
         return View(frame, pose, odometry, snapshot, depths, command, stages.ms)
 
     def decide(self, now_s: float) -> Command:
-        """The command for ``now_s`` without a new frame: the robot is further on, and the map is as it was."""
-        return self._task.decide(self.map, self.odometry.pose_at(now_s))
+        """The command for ``now_s`` without a new frame: the robot is further on, the map as it was."""
+        return self._task.decide(self.map, self.localiser.ahead_of(self.odometry.pose_at(now_s)))
 
     def react_within(self, reaction_s: float) -> None:
         """From now on it takes this long from the capture of a frame until the wheels act on it."""

@@ -1,0 +1,406 @@
+"""Where the robot is: the wheels' way, corrected by what is seen of things that stand still.
+
+A Kalman filter over the place of the axle's middle, the heading, how much larger one wheel is than the other,
+how far the wheels really are apart, and a bounded number of landmarks. The wheels move it on; a landmark's
+direction and distance correct everything at once: a wheel's size within a metre, and after a turn or a
+return the whole way that was driven since the landmark was seen last.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from host.camera.lens import Lens
+from host.depth.report import DepthReport
+from host.nav.config import BodyConfig
+from host.nav.landmarks import CLEARLY, UNLIKE, Key, Look, Sighting, recognise, sightings_of
+from host.nav.odometry import heading_of
+from host.pose import Pose
+from host.rbdn.snapshot import Snapshot
+
+X, Z, HEADING, RATIO, TRACK = range(5)  # the robot's part of the state; landmarks follow, x and z each
+OWN = 5
+
+RATIO_SIGMA = 0.02  # by which one wheel may be larger than the other, unless calibrated
+TRACK_SIGMA = 0.03  # by which the wheels may be further apart, as seen by turning
+WAY_NOISE = 0.01  # cm per root cm: what wheels on a floor do beyond their sizes
+TURN_NOISE = 3e-4  # rad per root cm
+TURN_SHARE = 0.005  # of a turn, from frame to frame
+WEAR = 2e-5  # per root cm: what a wheel's size, or the track, drifts by
+TIME_SIGMA_S = 0.012  # of a frame against the wheels' readings: shifts what is seen while turning
+
+STEP_CM, STEP_RAD = 1.5, 0.02  # corrections are made each time the robot has moved so far
+GATE = 13.8  # chi2 of two measures beyond which a sighting corrects nothing
+ALIKE = 4.0  # sightings err alike for a while: their standard errors count so much more
+ALIKE_NEAR = 12.0  # likewise distances
+MOST_AT_ONCE = 8  # sightings used of one frame
+LANDMARKS = 20  # the most that are kept
+PROBATION = 4  # a thing is seen so often before it is believed to stand still
+STEADY = 0.015  # rad by which it may be elsewhere from sighting to sighting meanwhile
+NEAREST_CM = 5.0
+STRIKES = 6  # so many sightings in a row elsewhere, and it does not
+LEAST_NEAR = 1 / 450.0  # 1/cm: what is further away says too little
+WRAP = 2 * math.pi
+
+
+@dataclass
+class Landmark:
+    """What is known of a landmark beside its place."""
+
+    number: int  # never given again
+    look: Look
+    key: Key | None  # the net's name for it while it is in view
+    seen_s: float
+    seen: int = 1
+    strikes: int = 0
+    returns: int = 0  # times it was recognised
+
+
+@dataclass
+class _Candidate:
+    """Something seen that may become a landmark."""
+
+    seen: int
+    place_cm: tuple[float, float]  # where it was seen last
+
+
+@dataclass
+class _News:
+    """What a sighting says beyond what was expected."""
+
+    chi2: float
+    news: np.ndarray  # (2,) across, near
+    ph: np.ndarray  # (N, 2) covariance of the state with what is expected
+    inverse: np.ndarray  # (2, 2) of the news' covariance
+
+
+class Localiser:
+    """Feed it every frame's odometry and what was made of the frame; it tells the pose in the map's frame.
+
+    Two frames of reference: ``smooth`` never jumps, and drifts, for what compares a frame with the last ones;
+    the pose that ``update`` returns is where the robot is thought to be on the map.
+    """
+
+    def __init__(self, body: BodyConfig, lens: Lens) -> None:
+        self._body, self._lens = body, lens
+        self._ahead = body.camera_ahead_cm
+        self._mean = np.zeros(OWN)
+        self._mean[Z] = -self._ahead
+        self._cov = np.zeros((OWN, OWN))
+        self._cov[RATIO, RATIO], self._cov[TRACK, TRACK] = RATIO_SIGMA**2, TRACK_SIGMA**2
+        self.landmarks: list[Landmark] = []
+        self._candidates: dict[Key, _Candidate] = {}
+        self._refused: set[int] = set()  # regions that move
+        self._numbers = 0
+        self._odometry: Pose | None = None  # last frame's
+        self._smooth = Pose.planar(0.0, 0.0, 0.0)
+        self._since_cm = self._since_rad = math.inf  # since the last correction
+        self._turn_rate = 0.0
+        self.corrections = 0
+
+    # ---- asking ----
+
+    @property
+    def wheel_ratio(self) -> tuple[float, float]:
+        """By how much the left wheel is larger than the right, relative to the configuration, and sigma."""
+        return float(self._mean[RATIO]), math.sqrt(self._cov[RATIO, RATIO])
+
+    @property
+    def track_scale(self) -> tuple[float, float]:
+        """True distance between the wheels over the configured one, and sigma."""
+        return 1 / (1 + float(self._mean[TRACK])), math.sqrt(self._cov[TRACK, TRACK])
+
+    @property
+    def sigma(self) -> tuple[float, float]:
+        """Standard errors of the place, cm, and of the heading, rad."""
+        return math.sqrt(self._cov[X, X] + self._cov[Z, Z]), math.sqrt(self._cov[HEADING, HEADING])
+
+    def landmark_cm(self, index: int) -> np.ndarray:
+        """(x, z) of a landmark on the map."""
+        return self._mean[OWN + 2 * index : OWN + 2 * index + 2].copy()
+
+    # ---- moving ----
+
+    def move(self, odometry: Pose) -> Pose:
+        """The wheels have come to this pose; where that is, in the frame that never jumps."""
+        before, self._odometry = self._odometry, odometry
+        if before is None:
+            self._smooth = odometry
+            self._mean[:OWN] = *_axle(odometry, self._ahead), 0.0, 0.0
+            return odometry
+        way, turn = _roll(before, odometry, self._ahead)
+        dt = max(odometry.t_s - before.t_s, 1e-3)
+        x, z, heading = _axle(self._smooth, self._ahead)
+        true_way, true_turn = self._as_learnt(way, turn)
+        self._smooth = _camera((*_arc(x, z, heading, true_way, true_turn),), self._ahead, odometry)
+        self._predict(way, turn)
+        self._turn_rate = true_turn / dt
+        self._since_cm += abs(way)
+        self._since_rad += abs(true_turn)
+        return self._smooth
+
+    def pose(self) -> Pose:
+        """The camera on the map at the last frame moved to."""
+        like = self._odometry or Pose.planar(0.0, 0.0, 0.0)
+        return _camera((self._mean[X], self._mean[Z], self._mean[HEADING]), self._ahead, like)
+
+    def ahead_of(self, odometry: Pose) -> Pose:
+        """Where the camera is on the map when the wheels have come to ``odometry`` since the last frame."""
+        if self._odometry is None:
+            return odometry
+        way, turn = self._as_learnt(*_roll(self._odometry, odometry, self._ahead))
+        return _camera(
+            _arc(self._mean[X], self._mean[Z], self._mean[HEADING], way, turn), self._ahead, odometry
+        )
+
+    def _as_learnt(self, way: float, turn: float) -> tuple[float, float]:
+        """What wheels of the sizes learnt did when wheels as configured would have done this."""
+        track = self._body.track_cm
+        half = 0.5 * self._mean[RATIO]
+        return way + half * 0.5 * turn * track, (turn + 2 * half * way / track) * (1 + self._mean[TRACK])
+
+    def _predict(self, way: float, turn: float) -> None:
+        m, track = self._mean, self._body.track_cm
+        true_way, true_turn = self._as_learnt(way, turn)
+        middle = m[HEADING] + true_turn / 2
+        s, c = math.sin(middle), math.cos(middle)
+        m[X], m[Z], m[HEADING] = m[X] + true_way * s, m[Z] + true_way * c, m[HEADING] + true_turn
+        # derivatives of (x, z, heading) by heading, ratio, track
+        by_ratio_way, by_ratio_turn = 0.25 * turn * track, way / track * (1 + m[TRACK])
+        by_track_turn = turn + m[RATIO] * way / track
+        dx, dz = true_way * c, -true_way * s
+        f = np.array([
+            [dx, by_ratio_way * s + dx * by_ratio_turn / 2, dx * by_track_turn / 2],
+            [dz, by_ratio_way * c + dz * by_ratio_turn / 2, dz * by_track_turn / 2],
+            [0.0, by_ratio_turn, by_track_turn],
+        ])  # fmt: skip
+        p = self._cov
+        p[:RATIO] += f @ p[HEADING:OWN]
+        p[:, :RATIO] += p[:, HEADING:OWN] @ f.T
+        length = abs(way)
+        p[X, X] += WAY_NOISE**2 * length
+        p[Z, Z] += WAY_NOISE**2 * length
+        p[RATIO, RATIO] += WEAR**2 * length
+        p[TRACK, TRACK] += WEAR**2 * length
+        p[HEADING, HEADING] += TURN_NOISE**2 * length + (TURN_SHARE * turn) ** 2
+
+    # ---- seeing ----
+
+    def update(self, snapshot: Snapshot, report: DepthReport) -> Pose:
+        """Take in what was made of the frame last moved to; the camera's pose on the map."""
+        known = {r for r, d in report.regions.items() if d.moving}
+        if known:
+            self._refuse(known)
+        if self._since_cm < STEP_CM and self._since_rad < STEP_RAD:
+            return self.pose()
+        self._since_cm = self._since_rad = 0.0
+        t_s = self._odometry.t_s if self._odometry else 0.0
+        seen = sightings_of(snapshot, report, self._lens, self._body.camera_height_cm)
+        seen = [s for s in seen if s.near > LEAST_NEAR and not self._refused.intersection(_regions(s.key))]
+        here = {region.id for region in snapshot.regions}
+        for landmark in self.landmarks:
+            if landmark.key is not None and not here.issuperset(_regions(landmark.key)):
+                landmark.key = None
+        matched, new = self._match(seen)
+        if matched:
+            self._correct(matched, t_s)
+        self._begin(new, t_s, here)
+        return self.pose()
+
+    def _refuse(self, regions: set[int]) -> None:
+        """What moves by itself is no landmark."""
+        self._refused |= regions
+        for index in reversed(range(len(self.landmarks))):
+            key = self.landmarks[index].key
+            if key is not None and regions.intersection(_regions(key)):
+                self._forget(index)
+
+    def _match(self, seen: list[Sighting]) -> tuple[list[tuple[Sighting, int]], list[Sighting]]:
+        """(sightings with their landmarks' rows, sightings of nothing known)."""
+        followed = {mark.key: row for row, mark in enumerate(self.landmarks) if mark.key is not None}
+        matched, rest = [], []
+        for sighting in seen:
+            row = followed.get(sighting.key)
+            if row is not None and sighting.look.unlike(self.landmarks[row].look) < UNLIKE:
+                matched.append((sighting, row))
+            elif row is None:
+                rest.append(sighting)
+        free = [row for row, mark in enumerate(self.landmarks) if mark.key is None]
+        if not rest or not free:
+            return matched, rest
+        unlike = np.full((len(rest), len(free)), np.inf)
+        for i, sighting in enumerate(rest):
+            for k, row in enumerate(free):
+                looks = sighting.look.unlike(self.landmarks[row].look)
+                if looks < UNLIKE + CLEARLY:
+                    unlike[i, k] = looks + self._out_of_place(sighting, row)
+        found = recognise(unlike)
+        new = []
+        for i, sighting in enumerate(rest):
+            if i in found:
+                row = free[found[i]]
+                self.landmarks[row].key = sighting.key
+                self.landmarks[row].returns += 1
+                matched.append((sighting, row))
+            elif not unlike.shape[1] or unlike[i].min() > UNLIKE + CLEARLY:
+                new.append(sighting)
+        return matched, new
+
+    def _out_of_place(self, sighting: Sighting, row: int) -> float:
+        """Chi2 of a sighting that would be this landmark's."""
+        found = self._compare(sighting, row)
+        return math.inf if found is None else found.chi2
+
+    def _compare(self, sighting: Sighting, row: int) -> _News | None:
+        """What a sighting says beyond what was expected of a landmark; None where that is behind."""
+        m, p, at = self._mean, self._cov, OWN + 2 * row
+        sine, cosine = math.sin(m[HEADING]), math.cos(m[HEADING])
+        dx, dz = m[at] - m[X] - self._ahead * sine, m[at + 1] - m[Z] - self._ahead * cosine
+        depth, side = dx * sine + dz * cosine, dx * cosine - dz * sine
+        if depth < NEAREST_CM:
+            return None
+        u, w = side / depth, 1 / depth
+        # derivatives of across and near by the landmark's x and z; those by the robot's are their opposite
+        across_x, across_z = w * (cosine - u * sine), w * (-sine - u * cosine)
+        near_x, near_z = -w * w * sine, -w * w * cosine
+        turned = -w * (depth + self._ahead) - u * u  # and by the heading
+        own = np.array([[-across_x, -across_z, turned], [-near_x, -near_z, -w * u]])
+        its = np.array([[across_x, across_z], [near_x, near_z]])
+        ph = p[:, : HEADING + 1] @ own.T + p[:, at : at + 2] @ its.T
+        s = own @ ph[: HEADING + 1] + its @ ph[at : at + 2]
+        noise = self._noise(sighting)
+        a, b, d = s[0, 0] + noise[0], s[0, 1], s[1, 1] + noise[1]
+        inverse = np.array([[d, -b], [-b, a]]) / (a * d - b * b)
+        news = np.array([sighting.across - u, sighting.near - w])
+        return _News(float(news @ inverse @ news), news, ph, inverse)
+
+    def _noise(self, sighting: Sighting) -> tuple[float, float]:
+        """Variances of what is measured, as far as it counts as news."""
+        timing = TIME_SIGMA_S * self._turn_rate * (1 + sighting.across**2)
+        wheels = self._odometry.sigma_rot_rad if self._odometry else 0.0
+        across = (ALIKE * sighting.sigma_across) ** 2 + timing**2 + wheels**2
+        return across, (ALIKE_NEAR * sighting.sigma_near) ** 2
+
+    def _correct(self, matched: list[tuple[Sighting, int]], t_s: float) -> None:
+        """One step of the filter for every sighting that is where it may be."""
+        for sighting, row in matched[:MOST_AT_ONCE]:
+            mark, found = self.landmarks[row], self._compare(sighting, row)
+            if found is None or found.chi2 > GATE:
+                mark.strikes += 1
+                continue
+            gain = found.ph @ found.inverse
+            self._mean += gain @ found.news
+            self._cov -= gain @ found.ph.T
+            mark.strikes = 0
+            mark.seen += 1
+            mark.seen_s = t_s
+            mark.look = mark.look.with_more(sighting.look, 0.05)
+            self.corrections += 1
+        for index in reversed(range(len(self.landmarks))):
+            if self.landmarks[index].strikes >= STRIKES:
+                self._forget(index)
+
+    # ---- landmarks come and go ----
+
+    def _begin(self, new: list[Sighting], t_s: float, here: set[int]) -> None:
+        self._candidates = {k: c for k, c in self._candidates.items() if here.issuperset(_regions(k))}
+        self._refused &= here
+        for sighting in new:
+            candidate = self._candidates.get(sighting.key)
+            place = self._place_of(sighting)
+            steady = candidate is not None and self._is_at(sighting, candidate.place_cm)
+            seen = 1 + (candidate.seen if candidate is not None and steady else 0)
+            self._candidates[sighting.key] = _Candidate(seen, place)
+            if seen >= PROBATION:
+                del self._candidates[sighting.key]
+                self._add(sighting, t_s)
+
+    def _place_of(self, sighting: Sighting) -> tuple[float, float]:
+        """(x, z) on the map of what is seen."""
+        sine, cosine = math.sin(self._mean[HEADING]), math.cos(self._mean[HEADING])
+        depth = 1 / sighting.near
+        ahead, side = self._ahead + depth, sighting.across * depth
+        return (
+            float(self._mean[X]) + ahead * sine + side * cosine,
+            float(self._mean[Z]) + ahead * cosine - side * sine,
+        )
+
+    def _is_at(self, sighting: Sighting, place_cm: tuple[float, float]) -> bool:
+        """Whether it is seen in the direction of a place."""
+        sine, cosine = math.sin(self._mean[HEADING]), math.cos(self._mean[HEADING])
+        dx = place_cm[0] - self._mean[X] - self._ahead * sine
+        dz = place_cm[1] - self._mean[Z] - self._ahead * cosine
+        depth, side = dx * sine + dz * cosine, dx * cosine - dz * sine
+        return depth > NEAREST_CM and abs(side / depth - sighting.across) < STEADY
+
+    def _add(self, sighting: Sighting, t_s: float) -> None:
+        if len(self.landmarks) >= LANDMARKS:
+            self._forget(min(range(len(self.landmarks)), key=lambda k: self.landmarks[k].seen_s))
+        m, n = self._mean, len(self._mean)
+        sine, cosine = math.sin(m[HEADING]), math.cos(m[HEADING])
+        depth = 1 / sighting.near
+        side = sighting.across * depth
+        ahead, u = self._ahead + depth, sighting.across
+        x, z = self._place_of(sighting)
+        by_own = np.zeros((2, n))
+        by_own[0, X] = by_own[1, Z] = 1.0
+        by_own[:, HEADING] = ahead * cosine - side * sine, -ahead * sine - side * cosine
+        by_seen = np.array([
+            [depth * cosine, -depth * depth * (sine + u * cosine)],
+            [-depth * sine, -depth * depth * (cosine - u * sine)],
+        ])  # fmt: skip
+        cov = np.empty((n + 2, n + 2))
+        cov[:n, :n] = self._cov
+        cov[n:, :n] = by_own @ self._cov
+        cov[:n, n:] = cov[n:, :n].T
+        own = np.diag([self._noise(sighting)[0], sighting.sigma_near**2])
+        cov[n:, n:] = cov[n:, :n] @ by_own.T + by_seen @ own @ by_seen.T
+        self._mean, self._cov = np.append(m, (x, z)), cov
+        self._numbers += 1
+        self.landmarks.append(Landmark(self._numbers, sighting.look, sighting.key, t_s))
+
+    def _forget(self, index: int) -> None:
+        gone = [OWN + 2 * index, OWN + 2 * index + 1]
+        self._mean = np.delete(self._mean, gone)
+        self._cov = np.delete(np.delete(self._cov, gone, axis=0), gone, axis=1)
+        del self.landmarks[index]
+
+
+def _regions(key: Key) -> tuple[int, ...]:
+    return key if isinstance(key, tuple) else (key,)
+
+
+def _axle(camera: Pose, ahead_cm: float) -> tuple[float, float, float]:
+    heading = heading_of(camera)
+    x, _, z = camera.position_cm
+    return float(x) - ahead_cm * math.sin(heading), float(z) - ahead_cm * math.cos(heading), heading
+
+
+def _camera(axle: tuple[float, float, float], ahead_cm: float, like: Pose) -> Pose:
+    x, z, heading = (float(v) for v in axle)
+    return Pose.planar(
+        x + ahead_cm * math.sin(heading),
+        z + ahead_cm * math.cos(heading),
+        heading,
+        t_s=like.t_s,
+        sigma_z_cm=like.sigma_z_cm,
+        sigma_rot_rad=like.sigma_rot_rad,
+    )
+
+
+def _roll(before: Pose, after: Pose, ahead_cm: float) -> tuple[float, float]:
+    """(way of the axle's middle in cm, turn in rad) between two poses of a rolling robot."""
+    xa, za, ha = _axle(before, ahead_cm)
+    xb, zb, hb = _axle(after, ahead_cm)
+    turn = (hb - ha + math.pi) % WRAP - math.pi
+    middle = ha + turn / 2
+    chord = (xb - xa) * math.sin(middle) + (zb - za) * math.cos(middle)
+    return chord, turn
+
+
+def _arc(x: float, z: float, heading: float, way: float, turn: float) -> tuple[float, float, float]:
+    middle = heading + turn / 2
+    return x + way * math.sin(middle), z + way * math.cos(middle), heading + turn
