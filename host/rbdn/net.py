@@ -12,12 +12,12 @@ from host.camera.lens import Lens
 from host.errors import InputError
 from host.rbdn import _core
 from host.rbdn.config import NetConfig
-from host.rbdn.snapshot import OUTSIDE, Contour, Event, Region, Snapshot, Vertices
+from host.rbdn.snapshot import Contour, Event, Region, Snapshot, Vertices
+from host.rbdn.turn import TurnedView
 
 SMALLEST_IMAGE_PX = 32
-TURN_STEP_PX = 8  # between the pixels whose turn is worked out
 NO_ROTATION = 1e-3  # error of a rotation's matrix that is more than rounding
-STEADY_PX = 3.0  # a turn that moves pixels less than this is left to the forces
+NO_TURN = np.zeros(0, np.int32)
 
 
 class Net:
@@ -34,6 +34,7 @@ class Net:
     def __init__(self, config: NetConfig | None = None, lens: Lens | None = None) -> None:
         self._config = config or NetConfig()
         self._lens = lens
+        self._view = None if lens is None else TurnedView(lens)
         self._core = _core.NetCore(_core_config(self._config))
         self._seq = 0
         self._shape: tuple[int, ...] | None = None
@@ -67,12 +68,12 @@ class Net:
             with one of another size, or a displacement that is no pair of finite numbers.
         """
         self._check(image)
-        self._check_rotation(rotation, image)
+        turn = self._check_rotation(rotation, image)
         begin = time.perf_counter()
         image = np.ascontiguousarray(image)
-        self._displace(displacement or {})
-        source = self._turned_from(rotation)
-        self._core.track(image, source)
+        self._displace(displacement)
+        source = None if turn is None or self._view is None or self._seq == 0 else self._view.source(turn)
+        self._core.track(image, NO_TURN if source is None else source)
         net_ms = 1e3 * (time.perf_counter() - begin)
         begin = time.perf_counter()
         fine = self._core.refine(image)
@@ -107,9 +108,9 @@ class Net:
             )
         self._shape = image.shape
 
-    def _check_rotation(self, rotation: np.ndarray | None, image: np.ndarray) -> None:
+    def _check_rotation(self, rotation: np.ndarray | None, image: np.ndarray) -> np.ndarray | None:
         if rotation is None:
-            return
+            return None
         lens = self._lens
         if lens is None:
             raise InputError("a rotation is of no use without a lens: give one to the net")
@@ -121,12 +122,14 @@ class Net:
         matrix = np.asarray(rotation)
         if matrix.shape != (3, 3) or matrix.dtype.kind not in "fiu":
             raise InputError(f"a rotation is a matrix of (3, 3) numbers, not {matrix.shape} {matrix.dtype}")
-        # The product is written out, since a threaded one would keep the robot's other cores spinning.
-        product = (matrix[:, None, :] * matrix[None, :, :]).sum(2)
-        if not (np.abs(product - np.eye(3)) < NO_ROTATION).all() or np.linalg.det(matrix) < 0:
+        matrix = matrix.astype(float)
+        if not _is_rotation(*matrix.tolist()):
             raise InputError(f"{matrix.tolist()} is no rotation: give unit rows at right angles")
+        return matrix
 
-    def _displace(self, displacement: Mapping[int, tuple[float, float]]) -> None:
+    def _displace(self, displacement: Mapping[int, tuple[float, float]] | None) -> None:
+        if not displacement:
+            return
         known = {region: by for region, by in displacement.items() if region in self._origins}
         for region, by in known.items():
             if np.shape(by) != (2,):
@@ -138,50 +141,17 @@ class Net:
         if len(known) > 0:
             self._core.displace(np.array(list(known), np.int64), by_px)
 
-    def _turned_from(self, rotation: np.ndarray | None) -> np.ndarray:
-        """For every pixel the pixel of the last image that the rotation brought there, -1 for none."""
-        none = np.zeros(0, np.int32)
-        if rotation is None or self._lens is None or self._seq == 0:
-            return none
-        lens = self._lens
-        corners = np.array(
-            [[0, 0], [lens.width - 1, 0], [0, lens.height - 1], [lens.width - 1, lens.height - 1]]
-        )
-        if np.abs(_turn(lens, corners, rotation) - corners).max() < STEADY_PX:
-            return none
-        turned = np.rint(_turned_image(lens, rotation))
-        x, y = turned[..., 0], turned[..., 1]
-        inside = (x >= 0) & (y >= 0) & (x < lens.width) & (y < lens.height)
-        return np.where(inside, y * lens.width + x, -1).astype(np.int32).ravel()
-
     def _snapshot(self, fine: dict[str, np.ndarray], net_ms: float, begin: float) -> Snapshot:
-        ids = fine["region_ids"]
         events = self._events(fine)
-        loops = _loops_of_regions(fine, len(ids))
-        regions = tuple(
-            Region(
-                id=int(ids[k]),
-                parent=self._origins[int(ids[k])][1],
-                born_seq=self._origins[int(ids[k])][0],
-                area_px=float(fine["area_px"][k]),
-                sigma_area_px=float(fine["sigma_area_px"][k]),
-                touches_border=bool(fine["touches_border"][k]),
-                mean_rgb=(red, green, blue),
-                loops=tuple(fine["vertices_px"][v] for v, _ in loops[k]),
-                loop_vertices=tuple(fine["vertex_ids"][v] for v, _ in loops[k]),
-                loop_neighbours=tuple(np.where(n >= 0, ids[n], OUTSIDE) for _, n in loops[k]),
-            )
-            for k, (red, green, blue) in enumerate(fine["mean_rgb"].tolist())
-        )
         return Snapshot(
             seq=self._seq,
-            regions=regions,
+            regions=self._regions(fine),
             vertices=Vertices(fine["vertex_ids"], fine["vertices_px"], fine["vertex_sigma_px"]),
             contour=Contour(
                 xy_px=fine["outline_px"],
                 normal=fine["outline_normal"],
-                left=ids[fine["outline_left"]],
-                right=ids[fine["outline_right"]],
+                left=fine["outline_left"],
+                right=fine["outline_right"],
                 length_px=fine["outline_length_px"],
                 sigma_px=fine["outline_sigma_px"],
             ),
@@ -191,6 +161,34 @@ class Net:
             refine_ms=1e3 * (time.perf_counter() - begin),
             limits=self._limits(net_ms),
         )
+
+    def _regions(self, fine: dict[str, np.ndarray]) -> tuple[Region, ...]:
+        xy, vertices, neighbours = fine["loop_px"], fine["loop_vertices"], fine["loop_neighbours"]
+        ends = fine["loop_ends"].tolist()
+        loops = [slice(begin, end) for begin, end in zip([0, *ends], ends, strict=False)]
+        regions, first = [], 0
+        names = ("region_ids", "area_px", "sigma_area_px", "touches_border", "mean_rgb", "loop_counts")
+        for region, area, sigma, at_border, rgb, count in zip(
+            *(fine[name].tolist() for name in names), strict=True
+        ):
+            born_seq, parent = self._origins[region]
+            mine = loops[first : first + count]
+            first += count
+            regions.append(
+                Region(
+                    id=region,
+                    parent=parent,
+                    born_seq=born_seq,
+                    area_px=area,
+                    sigma_area_px=sigma,
+                    touches_border=bool(at_border),
+                    mean_rgb=tuple(rgb),
+                    loops=tuple(xy[loop] for loop in mine),
+                    loop_vertices=tuple(vertices[loop] for loop in mine),
+                    loop_neighbours=tuple(neighbours[loop] for loop in mine),
+                )
+            )
+        return tuple(regions)
 
     def _limits(self, net_ms: float) -> tuple[str, ...]:
         limits = []
@@ -205,16 +203,17 @@ class Net:
     def _events(self, fine: dict[str, np.ndarray]) -> tuple[Event, ...]:
         """What changed in the set of regions; keeps track of where each came from."""
         events = []
-        ids, parents = fine["region_ids"].tolist(), fine["region_parents"]
-        kinds = np.where((fine["region_is_news"] > 0) | (parents < 0), "birth", "split")
-        kinds = np.where(fine["region_is_back"] > 0, "return", kinds).tolist()
-        for region, parent, kind in zip(ids, map(_known, parents), kinds, strict=True):
+        names = ("region_ids", "region_parents", "region_is_news", "region_is_back")
+        for region, parent, is_news, is_back in zip(*(fine[name].tolist() for name in names), strict=True):
             if region in self._origins:
                 continue
+            parent = _known(parent)
             self._origins[region] = self._seq, parent
             if self._seq > 0:
+                kind = "return" if is_back else "birth" if is_news or parent is None else "split"
                 events.append(Event(kind, region, parent))
-        for region, became in zip(fine["gone_ids"].tolist(), map(_known, fine["gone_became"]), strict=True):
+        for region, became in zip(fine["gone_ids"].tolist(), fine["gone_became"].tolist(), strict=True):
+            became = _known(became)
             del self._origins[region]
             events.append(Event("end" if became is None else "merge", region, became))
         return tuple(events)
@@ -228,47 +227,13 @@ def _core_config(config: NetConfig) -> _core.Config:
 
 
 def _known(region: int) -> int | None:
-    return int(region) if region >= 0 else None
+    return region if region >= 0 else None
 
 
-def _turn(lens: Lens, pixels: np.ndarray, rotation: np.ndarray) -> np.ndarray:
-    """Where the last image showed what the turned camera sees at `pixels` (N, 2); far things only."""
-    x, y = lens.to_rays(pixels).T
-    # Written out, since a threaded matrix product would keep the robot's other cores spinning.
-    u, v, w = (row[0] * x + row[1] * y + row[2] for row in np.asarray(rotation, float))
-    in_front = w > 1e-3
-    w = np.where(in_front, w, 1.0)
-    far_away = 1e6
-    rays = np.column_stack([np.where(in_front, u / w, far_away), np.where(in_front, v / w, far_away)])
-    return lens.to_pixels(rays)
-
-
-def _turned_image(lens: Lens, rotation: np.ndarray) -> np.ndarray:
-    """The same for every pixel, (H, W, 2) float32.
-
-    It is worked out for some and interpolated in between, since it bends little and lenses take their time.
-    """
-    x, y = (np.arange(-(-size // TURN_STEP_PX) + 1) * TURN_STEP_PX for size in (lens.width, lens.height))
-    nodes = np.stack(np.meshgrid(x, y), axis=-1)
-    turned = _turn(lens, nodes.reshape(-1, 2), rotation).reshape(nodes.shape).astype(np.float32)
-    for axis in (0, 1):
-        turned = _interpolated(turned, axis)
-    return turned[: lens.height, : lens.width]
-
-
-def _interpolated(nodes: np.ndarray, axis: int) -> np.ndarray:
-    """TURN_STEP_PX values for each interval between neighbours along the axis, from its first end on."""
-    nodes = np.moveaxis(nodes, axis, 0)
-    part = (np.arange(TURN_STEP_PX, dtype=np.float32) / TURN_STEP_PX).reshape(-1, *(1,) * (nodes.ndim - 1))
-    fine = nodes[:-1, None] + part * (nodes[1:] - nodes[:-1])[:, None]
-    return np.moveaxis(fine.reshape(-1, *nodes.shape[1:]), 0, axis)
-
-
-def _loops_of_regions(fine: dict[str, np.ndarray], count: int) -> list[list[tuple[np.ndarray, np.ndarray]]]:
-    """For each region its loops as (vertex indices, neighbour indices), the largest outer loop first."""
-    starts = fine["loop_starts"]
-    out: list[list[tuple[np.ndarray, np.ndarray]]] = [[] for _ in range(count)]
-    for k in np.argsort(-fine["loop_areas"], kind="stable"):
-        part = slice(starts[k], starts[k + 1])
-        out[fine["loop_regions"][k]].append((fine["loop_vertices"][part], fine["loop_neighbours"][part]))
-    return out
+def _is_rotation(x: list[float], y: list[float], z: list[float]) -> bool:
+    """Are these rows of unit length, at right angles, and in the right order? Near enough."""
+    products = ((x, x, 1.0), (y, y, 1.0), (z, z, 1.0), (x, y, 0.0), (y, z, 0.0), (z, x, 0.0))
+    if not all(abs(a[0] * b[0] + a[1] * b[1] + a[2] * b[2] - want) < NO_ROTATION for a, b, want in products):
+        return False
+    cross = (x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0])
+    return cross[0] * z[0] + cross[1] * z[1] + cross[2] * z[2] > 0

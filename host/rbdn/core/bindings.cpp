@@ -3,6 +3,7 @@
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/vector.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cstring>
 #include <numeric>
@@ -11,6 +12,7 @@
 #include "refine.hpp"
 #include "steps.hpp"
 #include "tracker.hpp"
+#include "turn.hpp"
 
 namespace nb = nanobind;
 using namespace nb::literals;
@@ -20,6 +22,7 @@ namespace {
 using ByteImage = nb::ndarray<const std::uint8_t, nb::shape<-1, -1, 3>, nb::c_contig, nb::device::cpu>;
 using IdArray = nb::ndarray<const std::int64_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 using PointArray = nb::ndarray<const double, nb::shape<-1, 2>, nb::c_contig, nb::device::cpu>;
+using NodeArray = nb::ndarray<const float, nb::shape<-1, -1, 2>, nb::c_contig, nb::device::cpu>;
 using IntArray = nb::ndarray<const std::int32_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 
 template <class T>
@@ -46,9 +49,8 @@ public:
 
     void track(const ByteImage& bgr, const IntArray& source) {
         const auto height = static_cast<int>(bgr.shape(0)), width = static_cast<int>(bgr.shape(1));
-        const std::vector<int> turned(source.data(), source.data() + source.shape(0));
         nb::gil_scoped_release release;
-        tracker_.track(bgr.data(), width, height, turned);
+        tracker_.track(bgr.data(), width, height, {source.data(), source.shape(0)});
     }
 
     void displace(const IdArray& regions, const PointArray& by_px) {
@@ -68,9 +70,9 @@ public:
 
         nb::dict out;
         put_regions(out, mesh, regions, fine.region_bgr);
-        put_loops(out, mesh, regions);
+        put_loops(out, fine, regions);
         put_vertices(out, mesh, fine);
-        put_outline(out, fine);
+        put_outline(out, fine, regions);
         out["area_px"] = to_array(fine.area);
         out["sigma_area_px"] = to_array(fine.area_sigma);
         out["refine_ms"] = end - begin;
@@ -154,25 +156,31 @@ private:
         out["mean_rgb"] = to_array(rgb, {means.size(), 3});
     }
 
-    // Loops as runs of vertex indices; an outer loop is followed by its holes.
-    void put_loops(nb::dict& out, const rbdn::Mesh& mesh, const rbdn::RegionSet& regions) const {
-        const std::vector<rbdn::Loop> loops = rbdn::trace_loops(mesh, regions.of_face);
-        std::vector<std::int32_t> starts{0}, region, vertices, neighbours;
-        std::vector<double> areas;
+    // Loops one after another, region by region and the largest outer loop first, so that Python need only cut them
+    // into pieces: loop k of them all ends at loop_ends[k], and region r has loop_counts[r] of them.
+    void put_loops(nb::dict& out, const rbdn::Refinement& fine, const rbdn::RegionSet& regions) const {
+        const rbdn::Mesh& mesh = fine.mesh;
+        std::vector<rbdn::Loop> loops = rbdn::trace_loops(mesh, regions.of_face);
+        std::stable_sort(loops.begin(), loops.end(), [](const rbdn::Loop& a, const rbdn::Loop& b) {
+            return a.face != b.face ? a.face < b.face : a.area > b.area;
+        });
+        std::vector<std::int32_t> counts(regions.id.size(), 0), ends;
+        std::vector<std::int64_t> vertices, neighbours;
+        std::vector<double> xy;
         for (const rbdn::Loop& loop : loops) {
             for (std::size_t k = 0; k < loop.vertices.size(); ++k) {
-                const rbdn::Edge& e = mesh.edges[loop.edges[k]];
-                const int beyond = e.right_from(loop.vertices[k]);
-                vertices.push_back(loop.vertices[k]);
-                neighbours.push_back(beyond < 0 ? -1 : regions.of_face[beyond]);
+                const int v = loop.vertices[k];
+                const int beyond = mesh.edges[loop.edges[k]].right_from(v);
+                vertices.push_back(mesh.vertices[v].id);
+                xy.insert(xy.end(), {fine.vertices[v].x - 0.5, fine.vertices[v].y - 0.5});
+                neighbours.push_back(beyond < 0 ? rbdn::kOutside : regions.id[regions.of_face[beyond]]);
             }
-            starts.push_back(static_cast<std::int32_t>(vertices.size()));
-            region.push_back(loop.face);
-            areas.push_back(loop.area);
+            ends.push_back(static_cast<std::int32_t>(vertices.size()));
+            ++counts[loop.face];
         }
-        out["loop_starts"] = to_array(starts);
-        out["loop_regions"] = to_array(region);
-        out["loop_areas"] = to_array(areas);
+        out["loop_counts"] = to_array(counts);
+        out["loop_ends"] = to_array(ends);
+        out["loop_px"] = to_array(xy, {vertices.size(), 2});
         out["loop_vertices"] = to_array(vertices);
         out["loop_neighbours"] = to_array(neighbours);
     }
@@ -189,19 +197,23 @@ private:
         out["vertex_sigma_px"] = to_array(fine.vertex_sigma);
     }
 
-    void put_outline(nb::dict& out, const rbdn::Refinement& fine) const {
-        std::vector<double> xy, normal, size, sigma;
-        std::vector<std::int32_t> left, right;
-        for (const rbdn::OutlinePoint& p : fine.outline) {
-            xy.insert(xy.end(), {p.p.x - 0.5, p.p.y - 0.5});
-            normal.insert(normal.end(), {p.normal.x, p.normal.y});
-            size.push_back(p.length_px);
-            sigma.push_back(p.sigma_px);
-            left.push_back(p.left);
-            right.push_back(p.right);
+    void put_outline(nb::dict& out, const rbdn::Refinement& fine, const rbdn::RegionSet& regions) const {
+        const std::size_t count = fine.outline.size();
+        std::vector<double> xy(2 * count), normal(2 * count), size(count), sigma(count);
+        std::vector<std::int64_t> left(count), right(count);
+        for (std::size_t k = 0; k < count; ++k) {
+            const rbdn::OutlinePoint& p = fine.outline[k];
+            xy[2 * k] = p.p.x - 0.5;
+            xy[2 * k + 1] = p.p.y - 0.5;
+            normal[2 * k] = p.normal.x;
+            normal[2 * k + 1] = p.normal.y;
+            size[k] = p.length_px;
+            sigma[k] = p.sigma_px;
+            left[k] = regions.id[p.left];
+            right[k] = regions.id[p.right];
         }
-        out["outline_px"] = to_array(xy, {left.size(), 2});
-        out["outline_normal"] = to_array(normal, {left.size(), 2});
+        out["outline_px"] = to_array(xy, {count, 2});
+        out["outline_normal"] = to_array(normal, {count, 2});
         out["outline_length_px"] = to_array(size);
         out["outline_sigma_px"] = to_array(sigma);
         out["outline_left"] = to_array(left);
@@ -211,6 +223,17 @@ private:
     rbdn::Tracker tracker_;
     rbdn::Refiner refiner_;
 };
+
+nb::object turned_pixels(const NodeArray& nodes, int step_px, int width, int height) {
+    if (step_px < 1 || width < 1 || height < 1 || nodes.shape(0) < static_cast<std::size_t>((height - 1) / step_px + 2) ||
+        nodes.shape(1) < static_cast<std::size_t>((width - 1) / step_px + 2))
+        throw nb::value_error("too few nodes for the image");
+    const std::size_t size = static_cast<std::size_t>(width) * height;
+    int* source = new int[size];
+    nb::capsule owner(source, [](void* p) noexcept { delete[] static_cast<int*>(p); });
+    rbdn::turned_pixels(nodes.data(), static_cast<int>(nodes.shape(1)), step_px, width, height, source);
+    return nb::cast(nb::ndarray<nb::numpy, int>(source, {size}, owner));
+}
 
 nb::object working_colours(const rbdn::Config& config, const ByteImage& bgr) {
     const rbdn::ColourTables tables(config);
@@ -264,6 +287,9 @@ NB_MODULE(_core, m) {
         .value("displace", rbdn::Step::kDisplace)
         .value("track", rbdn::Step::kTrack);
 
+    m.def("turned_pixels", &turned_pixels, "nodes"_a, "step_px"_a, "width"_a, "height"_a,
+          "For every pixel the index of the one at the place interpolated between `nodes`, (rows, columns, 2) places "
+          "(x, y) of every `step_px`-th pixel from the first to beyond the last; -1 for none.");
     m.def("working_colours", &working_colours, "config"_a, "bgr"_a,
           "For tests: (H, W, 3) colours as the net compares them, in CIELAB units or RGB levels.");
 

@@ -68,12 +68,19 @@ void CrossingLines::sort_tracks(int size_px) {
 
 void CrossingLines::fill_lines(int size_px) {
     fill_.assign(start_.begin(), start_.end() - 1);
+    // By pointers of its own, or they would be looked up again at every crossing.
+    Crossing* const items = items_.data();
+    const int* const start = start_.data();
+    int* const fill = fill_.data();
+    const double step = step_;
     for (const Track& t : sorted_) {
-        for (int k = t.first; k <= t.last; ++k) {
-            const double at = t.at_from + t.slope * (k * step_ + 0.5 - t.from);
-            int place = fill_[k]++;
-            for (; place > start_[k] && items_[place - 1].at > at; --place) items_[place] = items_[place - 1];
-            items_[place] = {at, std::clamp(first_pixel_from(at), 0, size_px), t.edge, t.before, t.after};
+        double line = t.first * step + 0.5;
+        for (int k = t.first; k <= t.last; ++k, line += step) {
+            const double at = t.at_from + t.slope * (line - t.from);
+            Crossing* place = items + fill[k]++;
+            for (const Crossing* const first = items + start[k]; place > first && place[-1].at > at; --place)
+                *place = place[-1];
+            *place = {at, std::clamp(first_pixel_from(at), 0, size_px), t.edge, t.before, t.after};
         }
     }
 }

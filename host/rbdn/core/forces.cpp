@@ -17,15 +17,17 @@ constexpr double kStill = 0.2;  // px; smaller moves are noise of the counts, an
 // and near enough to `other` not to be a third colour.
 class Claim {
 public:
+    Claim() = default;
     Claim(const Colour& own, const Colour& other, const ClaimRule& rule) {
-        int between2 = 0;
+        int between2 = 0, twice_middle = 0;
         for (int k = 0; k < 3; ++k) {
-            const int from = static_cast<int>(std::lround(own[k]));
-            other_[k] = static_cast<int>(std::lround(other[k]));
+            const int from = whole(own[k]);
+            other_[k] = whole(other[k]);
             direction_[k] = other_[k] - from;
             between2 += direction_[k] * direction_[k];
-            twice_middle_ += direction_[k] * (other_[k] + from);
+            twice_middle += direction_[k] * (other_[k] + from);
         }
+        limit_ = twice_middle >> 1;
         gate2_ = std::max(static_cast<int>(rule.eta2), 3 * between2 / 10);
     }
 
@@ -35,24 +37,24 @@ public:
             projected += direction_[k] * p[k];
             apart2 += (p[k] - other_[k]) * (p[k] - other_[k]);
         }
-        return 2 * projected > twice_middle_ && apart2 <= gate2_;
+        return projected > limit_ && apart2 <= gate2_;
     }
 
 private:
     // Whole colour units, so that sums are exact: below 2^12 a part, a product of two fits an int three times over.
     int other_[3] = {};
     int direction_[3] = {};
-    int twice_middle_ = 0;
+    int limit_ = 0;  // the middle between both, projected, in whole numbers
     int gate2_ = 0;
 };
 
 // What a scan needs to know of an edge, worked out once for all its crossings.
 struct Scan {
-    bool by_rows;     // scanned along rows (steep) or along columns (flat)
-    bool idle;        // nothing to claim (on the image border), or not asked for
-    int depth;        // px along the line that make up the reach
-    double middle;    // coordinate across the lines where half 1 begins
-    bool a_is_first;  // half 0 lies at the smaller coordinates
+    bool idle = true;         // nothing to claim (on the image border), or not asked for
+    bool by_rows = false;     // scanned along rows (steep) or along columns (flat)
+    bool a_is_first = false;  // half 0 lies at the smaller coordinates
+    int depth = 0;            // px along the line that make up the reach
+    double middle = 0;        // coordinate across the lines where half 1 begins
     Claim by_right;   // pixels of the left face
     Claim by_left;    // pixels of the right face
 };
@@ -61,18 +63,21 @@ std::vector<Scan> plan_scans(const Mesh& mesh, const ClaimRule& rule, int reach_
     std::vector<Scan> scans;
     scans.reserve(mesh.edges.size());
     for (const Edge& e : mesh.edges) {
+        Scan& scan = scans.emplace_back();
+        const bool asked = which == Which::kAllEdges || mesh.vertices[e.a].moved > 0 || mesh.vertices[e.b].moved > 0;
+        if (e.on_border() || !asked) continue;
         const Vec2 a = mesh.vertices[e.a].p, b = mesh.vertices[e.b].p;
         const double dx = std::abs(b.x - a.x), dy = std::abs(b.y - a.y);
-        const bool by_rows = dy >= dx;
         const double steep = std::max({dx, dy, 1e-9});
-        const double from = by_rows ? a.y : a.x, to = by_rows ? b.y : b.x;
-        const bool asked = which == Which::kAllEdges || mesh.vertices[e.a].moved > 0 || mesh.vertices[e.b].moved > 0;
-        const bool idle = e.on_border() || !asked;
-        const Colour left = idle ? Colour{} : mesh.faces[e.left].mean;
-        const Colour right = idle ? Colour{} : mesh.faces[e.right].mean;
-        scans.push_back({by_rows, idle,
-                         std::min(kDeepestRun, ceil_px(reach_px * std::sqrt(dx * dx + dy * dy) / steep)),
-                         0.5 * (from + to), from <= to, Claim(left, right, rule), Claim(right, left, rule)});
+        scan.idle = false;
+        scan.by_rows = dy >= dx;
+        const double from = scan.by_rows ? a.y : a.x, to = scan.by_rows ? b.y : b.x;
+        scan.depth = std::min(kDeepestRun, ceil_px(reach_px * std::sqrt(dx * dx + dy * dy) / steep));
+        scan.middle = 0.5 * (from + to);
+        scan.a_is_first = from <= to;
+        const Colour &left = mesh.faces[e.left].mean, &right = mesh.faces[e.right].mean;
+        scan.by_right = Claim(left, right, rule);
+        scan.by_left = Claim(right, left, rule);
     }
     return scans;
 }

@@ -2,6 +2,7 @@
 #include "fragment.hpp"
 
 #include <algorithm>
+#include <cstring>
 #include <map>
 #include <tuple>
 
@@ -12,6 +13,7 @@ namespace {
 constexpr int kSmallestPiece = 20;  // px; smaller cuttings stay with their face
 constexpr int kSpread = 4;          // px by which known off-pixels may have moved
 constexpr double kGrowth = 1.25;    // of a blob, after which it is tried again
+constexpr int kTogether = 16;       // px that are passed over in one go
 constexpr int kCoarse = 2;          // px, at least, between the samples that are looked at first
 
 struct Blob {
@@ -54,7 +56,7 @@ public:
     FarSearch(const Mesh& mesh, const Crossings& crossings, const Image& image, double gate)
         : mesh_(mesh), crossings_(crossings), image_(image), gate2_(static_cast<int>(gate * gate)),
           row_step_(std::max(kCoarse, image.row_step())), column_step_(std::max(kCoarse, image.column_step())),
-          far_(mesh.width, mesh.height) {}
+          marks_(mesh.width), far_(mesh.width, mesh.height) {}
 
     PixelSet run() {
         std::vector<int> above, here, both;
@@ -72,14 +74,21 @@ public:
     }
 
 private:
-    void look_on_lattice(int y, std::vector<int>& places) const {
+    void look_on_lattice(int y, std::vector<int>& places) {
         places.clear();
+        // Of the lattice's own steps, of which ours are whole multiples.
+        const int step = image_.column_step(), stride = column_step_ / step;
         const auto line = crossings_.rows().line(y);
         for (std::size_t n = 0; n + 1 < line.size(); ++n) {
-            const ShortColour mean = to_short(mesh_.faces[line[n].after].mean);
-            const int first = (line[n].pixel + column_step_ - 1) / column_step_ * column_step_;
-            for (int x = first; x < line[n + 1].pixel; x += column_step_)
-                if (distance2(image_.lattice_colour(x, y), mean) > gate2_) places.push_back(x);
+            const int first = (line[n].pixel + step - 1) / step, last = (line[n + 1].pixel + step - 1) / step;
+            if (first < last)
+                image_.mark_far(y, first, last, to_short(mesh_.faces[line[n].after].mean), gate2_, marks_.data());
+        }
+        const int count = (mesh_.width + step - 1) / step;
+        for (int k = 0; k < count; k += stride) {
+            std::uint64_t eight = 0;  // mostly none of so many is far
+            while (k + 8 <= count && (std::memcpy(&eight, &marks_[k], 8), eight == 0)) k += 8;
+            if (k < count && marks_[k]) places.push_back(k * step);
         }
     }
 
@@ -107,6 +116,7 @@ private:
     int gate2_;
     int row_step_;
     int column_step_;
+    std::vector<std::uint8_t> marks_;  // places of the row that is looked at, that are far
     PixelSet far_;
 };
 
@@ -115,7 +125,22 @@ int cut_squares(Mesh& mesh, std::vector<int>& labels, const std::vector<int>& pi
                 int smallest_piece) {
     const int width = mesh.width;
     std::map<std::tuple<int, int, int>, std::vector<int>> pieces;
-    for (int p : pixels) pieces[{labels[p], p / width / square_px, p % width / square_px}].push_back(p);
+    // Neighbours mostly go to the same piece.
+    std::vector<int>* last = nullptr;
+    int last_host = 0, x0 = 0, x1 = 0, y0 = 0, y1 = 0;
+    for (int p : pixels) {
+        const int x = p % width, y = p / width, host = labels[p];
+        if (last == nullptr || host != last_host || x < x0 || x >= x1 || y < y0 || y >= y1) {
+            const int column = x / square_px, row = y / square_px;
+            last = &pieces[{host, row, column}];
+            last_host = host;
+            x0 = column * square_px;
+            x1 = x0 + square_px;
+            y0 = row * square_px;
+            y1 = y0 + square_px;
+        }
+        last->push_back(p);
+    }
     int made = 0;
     for (const auto& [key, piece] : pieces) {
         if (static_cast<int>(piece.size()) < smallest_piece) continue;
@@ -151,9 +176,6 @@ PixelSet off_pixels(const Mesh& mesh, const Crossings& crossings, const Image& i
 }
 
 std::vector<int> OffMemory::take_news(const PixelSet& off, double smallest_px, double lasting_px) {
-    struct Tried {
-        int pixel, size;
-    };
     std::vector<int> news;
     std::vector<Tried> shown;
     const BlobList list = find_blobs(off);
@@ -161,7 +183,7 @@ std::vector<int> OffMemory::take_news(const PixelSet& off, double smallest_px, d
         const int size = blob.last - blob.first;
         const auto begin = list.pixels.begin() + blob.first, end = list.pixels.begin() + blob.last;
         int covered = 0, tried = 0;
-        for (auto pixel = begin; pixel != end; ++pixel)
+        for (auto pixel = begin; pixel != end && !pixels_.empty(); ++pixel)
             if (const int near = tried_near(*pixel)) {
                 ++covered;
                 tried = std::max(tried, near);
@@ -179,22 +201,18 @@ std::vector<int> OffMemory::take_news(const PixelSet& off, double smallest_px, d
     forget();
     width_ = off.width();
     tried_px_.resize(static_cast<std::size_t>(off.width()) * off.height(), 0);
-    for (const Tried& t : shown) {
-        tried_px_[t.pixel] = t.size;
-        pixels_.push_back(t.pixel);
-    }
+    remember(shown);
     return news;
 }
 
 // Size remembered for the pixel or for one a few px away.
 int OffMemory::tried_near(int pixel) const {
-    if (pixels_.empty()) return 0;
     const int height = static_cast<int>(tried_px_.size()) / width_;
     const int x = pixel % width_, y = pixel / width_;
     int most = 0;
-    for (int j : {y - kSpread, y, y + kSpread})
-        for (int i : {x - kSpread, x, x + kSpread})
-            if (i >= 0 && j >= 0 && i < width_ && j < height) most = std::max(most, tried_px_[j * width_ + i]);
+    for (int j = y < kSpread ? y : y - kSpread; j <= y + kSpread && j < height; j += kSpread)
+        for (int i = x < kSpread ? x : x - kSpread; i <= x + kSpread && i < width_; i += kSpread)
+            most = std::max(most, tried_px_[j * width_ + i]);
     return most;
 }
 
@@ -214,16 +232,27 @@ void OffMemory::move(const std::function<int(int)>& place) {
     }
 }
 
-void OffMemory::turn(const std::vector<int>& source) {
+void OffMemory::turn(std::span<const int> source) {
     if (pixels_.empty()) return;
-    std::vector<int> turned(tried_px_.size(), 0);
-    pixels_.clear();
-    for (int k = 0; k < static_cast<int>(source.size()); ++k) {
-        if (source[k] < 0 || tried_px_[source[k]] == 0) continue;
-        turned[k] = tried_px_[source[k]];
-        pixels_.push_back(k);
+    std::vector<Tried> turned;
+    const int count = static_cast<int>(source.size());
+    for (int first = 0; first < count; first += kTogether) {
+        const int last = std::min(first + kTogether, count);
+        int any = 0;  // mostly there is nothing in a whole row of them
+        for (int k = first; k < last; ++k) any |= tried_px_[std::max(source[k], 0)];
+        if (any == 0) continue;
+        for (int k = first; k < last; ++k)
+            if (source[k] >= 0 && tried_px_[source[k]] != 0) turned.push_back({k, tried_px_[source[k]]});
     }
-    tried_px_.swap(turned);
+    forget();
+    remember(turned);
+}
+
+void OffMemory::remember(const std::vector<Tried>& shown) {
+    for (const Tried& t : shown) {
+        tried_px_[t.pixel] = t.size;
+        pixels_.push_back(t.pixel);
+    }
 }
 
 int fragment_faces(Mesh& mesh, std::vector<int>& labels, const std::vector<int>& pixels, int square_px) {
@@ -237,15 +266,24 @@ int fragment_faces(Mesh& mesh, std::vector<int>& labels, const std::vector<int>&
     return cut_squares(mesh, labels, cut.list(), square_px, kSmallestPiece);
 }
 
-std::vector<int> turn_labels(Mesh& mesh, const std::vector<int>& labels, const std::vector<int>& source,
+std::vector<int> turn_labels(Mesh& mesh, const std::vector<int>& labels, std::span<const int> source,
                              int square_px) {
-    std::vector<int> turned(labels.size(), kOutside);
+    const int count = static_cast<int>(labels.size());
+    std::vector<int> turned(count);
     std::vector<int> unseen;
-    for (int k = 0; k < static_cast<int>(labels.size()); ++k) {
-        if (source[k] >= 0)
-            turned[k] = labels[source[k]];
-        else
-            unseen.push_back(k);
+    for (int first = 0; first < count; first += kTogether) {
+        const int last = std::min(first + kTogether, count);
+        int worst = 0;
+        for (int k = first; k < last; ++k) {
+            worst |= source[k];
+            turned[k] = labels[std::max(source[k], 0)];
+        }
+        if (worst >= 0) continue;
+        for (int k = first; k < last; ++k)
+            if (source[k] < 0) {
+                turned[k] = kOutside;
+                unseen.push_back(k);
+            }
     }
     cut_squares(mesh, turned, unseen, square_px, 1);
     return turned;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <functional>
+#include <span>
 #include <vector>
 
 #include "crossings.hpp"
@@ -52,11 +53,16 @@ public:
     void move(const std::function<int(int)>& place);
 
     // The same after a turn of the camera: `source[k]` is the old pixel seen at k, negative for none.
-    void turn(const std::vector<int>& source);
+    void turn(std::span<const int> source);
 
 private:
+    struct Tried {
+        int pixel, size;
+    };
+
     int tried_near(int pixel) const;
     void forget();
+    void remember(const std::vector<Tried>& shown);
 
     int width_ = 0;
     std::vector<int> tried_px_;  // by pixel: size of its blob when that was last tried, 0 for never
@@ -69,7 +75,7 @@ int fragment_faces(Mesh& mesh, std::vector<int>& labels, const std::vector<int>&
 
 // Labels of the pixels of a turned camera: `source[k]` is the old pixel seen at k, negative where nothing was
 // seen; such pixels become new faces, in squares.
-std::vector<int> turn_labels(Mesh& mesh, const std::vector<int>& labels, const std::vector<int>& source,
+std::vector<int> turn_labels(Mesh& mesh, const std::vector<int>& labels, std::span<const int> source,
                              int square_px);
 
 }  // namespace rbdn

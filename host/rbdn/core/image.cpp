@@ -35,12 +35,6 @@ Colour ColourSum::mean() const {
     return out;
 }
 
-ShortColour to_short(const Colour& c) {
-    ShortColour out{};
-    for (int k = 0; k < 3; ++k) out[k] = static_cast<std::int16_t>(std::lround(c[k]));
-    return out;
-}
-
 ColourTables::ColourTables(const Config& config) {
     for (auto& curve : curve_) curve.resize(1 << kCurveBits);
     if (config.mode == Mode::kPaper)
@@ -87,21 +81,37 @@ void Image::load(const std::uint8_t* bgr, int width, int height, int row_step, i
     height_ = height;
     row_step_ = row_step;
     column_step_ = column_step;
-    const std::size_t needed = static_cast<std::size_t>(lattice_width() + 1) * ((height + row_step - 1) / row_step);
+    lattice_width_ = (width + column_step - 1) / column_step;
+    const std::size_t needed = static_cast<std::size_t>(lattice_width_ + 1) * ((height + row_step - 1) / row_step);
     if (needed > prefix_size_) {
         prefix_ = std::make_unique_for_overwrite<PrefixSum[]>(needed);
+        lattice_ = std::make_unique_for_overwrite<std::int16_t[]>(3 * needed);
         prefix_size_ = needed;
     }
     PrefixSum* sum = prefix_.get();
-    for (int y = 0; y < height; y += row_step) {
+    std::int16_t* parts = lattice_.get();
+    for (int y = 0; y < height; y += row_step, parts += 3 * lattice_width_) {
         const std::uint8_t* in = row(y);
         PrefixSum total{};
         *sum++ = total;
-        for (int x = 0; x < width; x += column_step, in += 3 * column_step) {
+        for (int k = 0; k < lattice_width_; ++k, in += 3 * column_step) {
             const ShortColour pixel = colours_(in);
-            for (int k = 0; k < 4; ++k) total.c[k] += pixel[k];
+            for (int c = 0; c < 3; ++c) parts[c * lattice_width_ + k] = pixel[c];
+            for (int c = 0; c < 4; ++c) total.c[c] += pixel[c];
             *sum++ = total;
         }
+    }
+}
+
+void Image::mark_far(int y, int first, int last, const ShortColour& from, int gate2, std::uint8_t* far) const {
+    const std::int16_t* one = lattice_row(y);
+    const std::int16_t* two = one + lattice_width_;
+    const std::int16_t* three = two + lattice_width_;
+    const std::int16_t a = from[0], b = from[1], c = from[2];
+    for (int k = first; k < last; ++k) {
+        const auto x = static_cast<std::int16_t>(one[k] - a), z = static_cast<std::int16_t>(three[k] - c);
+        const auto w = static_cast<std::int16_t>(two[k] - b);
+        far[k] = x * x + w * w + z * z > gate2;
     }
 }
 

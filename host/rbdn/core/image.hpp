@@ -48,8 +48,19 @@ inline int distance2(const ShortColour& a, const ShortColour& b) {
     return x * x + y * y + z * z;
 }
 
+// To the nearest whole number, as lround, for what is not negative, as no part of a colour is.
+inline int whole(float v) { return static_cast<int>(static_cast<double>(v) + 0.5); }
+
 // To whole units.
-ShortColour to_short(const Colour& c);
+inline ShortColour to_short(const Colour& c) {
+    ShortColour out{};
+    for (int k = 0; k < 3; ++k) out[k] = static_cast<std::int16_t>(whole(c[k]));
+    return out;
+}
+
+inline Colour to_float(const ShortColour& c) {
+    return {static_cast<float>(c[0]), static_cast<float>(c[1]), static_cast<float>(c[2])};
+}
 
 // From the camera's blue, green and red to CIELAB with discounted lightness, or to themselves in the paper's mode,
 // by tables alone: the same whole numbers on every machine.
@@ -97,10 +108,7 @@ public:
     // Pixels of a row, three bytes each, for the colour functions.
     const std::uint8_t* row(int y) const { return bgr_ + 3 * static_cast<std::size_t>(y) * width_; }
     ShortColour short_colour_of(const std::uint8_t* pixel) const { return colours_(pixel); }
-    Colour colour_of(const std::uint8_t* pixel) const {
-        const ShortColour c = colours_(pixel);
-        return {static_cast<float>(c[0]), static_cast<float>(c[1]), static_cast<float>(c[2])};
-    }
+    Colour colour_of(const std::uint8_t* pixel) const { return to_float(colours_(pixel)); }
 
     // Adds those of the pixels [x0, x1) of row y, a multiple of row_step(), that lie on the lattice.
     void add_span(ColourSum& to, int y, int x0, int x1) const {
@@ -112,17 +120,21 @@ public:
 
     // Colour at a place of the lattice, without working it out again.
     ShortColour lattice_colour(int x, int y) const {
-        const PrefixSum* sums = row_sums(y) + x / column_step_;
-        ShortColour out;
-        for (int k = 0; k < 4; ++k) out[k] = static_cast<std::int16_t>(sums[1].c[k] - sums[0].c[k]);
-        return out;
+        const std::int16_t* place = lattice_row(y) + x / column_step_;
+        return {place[0], place[lattice_width_], place[2 * lattice_width_], 0};
     }
+
+    // Which of the places [first, last) of the lattice's row through y, counted in lattice steps, are farther than
+    // the root of `gate2` from a colour: a 1 in `far` for each, else 0.
+    void mark_far(int y, int first, int last, const ShortColour& from, int gate2, std::uint8_t* far) const;
 
 private:
     const PrefixSum* row_sums(int y) const {
-        return &prefix_[static_cast<std::size_t>(y / row_step_) * (lattice_width() + 1)];
+        return &prefix_[static_cast<std::size_t>(y / row_step_) * (lattice_width_ + 1)];
     }
-    int lattice_width() const { return (width_ + column_step_ - 1) / column_step_; }
+    const std::int16_t* lattice_row(int y) const {
+        return &lattice_[static_cast<std::size_t>(y / row_step_) * 3 * lattice_width_];
+    }
 
     ColourTables colours_;
     const std::uint8_t* bgr_ = nullptr;
@@ -130,8 +142,10 @@ private:
     int height_ = 0;
     int row_step_ = 1;
     int column_step_ = 1;
-    // Not a vector, which would write it all once more.
+    // No vectors, which would write it all once more.
     std::unique_ptr<PrefixSum[]> prefix_;
+    std::unique_ptr<std::int16_t[]> lattice_;  // colours, part by part in every row, so that many are looked at at once
+    int lattice_width_ = 0;
     std::size_t prefix_size_ = 0;
 };
 

@@ -69,16 +69,25 @@ private:
                 rows ? width : view_.mesh.height, rows ? width : 1, line, lines - 1 - line};
     }
 
+    double distance_of(int k, double at) const { return std::abs((k + 0.5 - at) * normal_); }
+
     // Pixels from the crossing to the first one that is not the side's own.
     int run(const Line& line, int begin, int step, double at, int own, int other) const {
-        int k = begin;
-        for (; k >= 0 && k < line.count; k += step) {
-            const double distance = std::abs((k + 0.5 - at) * normal_);
-            if (distance > kSideTo) break;
-            const int here = view_.region_of[line.labels[static_cast<std::ptrdiff_t>(k) * line.label_stride]];
-            if (here != own && !(here == other && distance < kUncertain)) break;
+        const int room = step > 0 ? line.count - begin : begin + 1;
+        int most = std::min(room, static_cast<int>(kSideTo / std::abs(normal_)) + 2);
+        while (most > 0 && distance_of(begin + (most - 1) * step, at) > kSideTo) --most;
+        const std::ptrdiff_t label_step = static_cast<std::ptrdiff_t>(step) * line.label_stride;
+        const int* label = line.labels + static_cast<std::ptrdiff_t>(begin) * line.label_stride;
+        int own_face = kOutside;  // a face of the side's own region
+        for (int n = 0; n < most; ++n, label += label_step) {
+            if (*label == own_face) continue;
+            const int here = view_.region_of[*label];
+            if (here == own)
+                own_face = *label;
+            else if (!(here == other && distance_of(begin + n * step, at) < kUncertain))
+                return n;
         }
-        return (k - begin) * step;
+        return std::max(most, 0);
     }
 
     // How far from the edge pixels see nothing else, for a side of this many pixels.

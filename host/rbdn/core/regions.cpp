@@ -132,12 +132,14 @@ void RegionGrouping::expect(const Mesh& mesh, const std::vector<int>& labels) {
 // Calls `visit` with each sampled pixel and the face of the last frame that was expected there.
 template <class Visit>
 void RegionGrouping::for_each_sample(const Mesh& mesh, Visit visit) const {
-    const int columns = (mesh.width + kSampleStep - 1) / kSampleStep;
-    for (std::size_t n = 0; n < expected_face_.size(); ++n) {
-        const int face = expected_face_[n];
-        if (face < 0 || face >= static_cast<int>(known_.size())) continue;
-        visit(static_cast<int>(n) % columns * kSampleStep, static_cast<int>(n) / columns * kSampleStep, known_[face]);
-    }
+    if (expected_face_.empty()) return;
+    const int known = static_cast<int>(known_.size());
+    const int* expected = expected_face_.data();
+    for (int y = 0; y < mesh.height; y += kSampleStep)
+        for (int x = 0; x < mesh.width; x += kSampleStep) {
+            const int face = *expected++;
+            if (face >= 0 && face < known) visit(x, y, known_[face]);
+        }
 }
 
 RegionSet RegionGrouping::update(Mesh& mesh, const Image& image, const std::vector<int>& labels,
@@ -212,16 +214,21 @@ void RegionGrouping::name_groups(Mesh& mesh, const Image& image, const std::vect
         face.is_news = false;
     }
     const int sample_weight = std::max(1, kSampleStep * kSampleStep / (image.row_step() * image.column_step()));
+    const bool on_lattice = kSampleStep % image.row_step() == 0 && kSampleStep % image.column_step() == 0;
     // Neighbouring samples mostly vote alike.
-    std::tuple<bool, int, std::int64_t> last_key;
+    int last_group = -1;
+    std::int64_t last_region = kNoRegion;
     std::int64_t* last_votes = nullptr;
     for_each_sample(mesh, [&](int x, int y, const Known& expected) {
-        if (expected.region < 0 || distance2(image.colour_of(image.row(y) + 3 * x), expected.mean) > same2) return;
-        const int owner = labels[static_cast<std::size_t>(y) * mesh.width + x];
-        const std::tuple key{false, set.of_face[owner], expected.region};
-        if (last_votes == nullptr || key != last_key) {
-            last_key = key;
-            last_votes = &tally[key];
+        if (expected.region < 0) return;
+        const Colour colour =
+            on_lattice ? to_float(image.lattice_colour(x, y)) : image.colour_of(image.row(y) + 3 * x);
+        if (distance2(colour, expected.mean) > same2) return;
+        const int group = set.of_face[labels[static_cast<std::size_t>(y) * mesh.width + x]];
+        if (last_votes == nullptr || group != last_group || expected.region != last_region) {
+            last_group = group;
+            last_region = expected.region;
+            last_votes = &tally[{false, group, expected.region}];
         }
         *last_votes += sample_weight;
     });

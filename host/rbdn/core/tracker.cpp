@@ -37,7 +37,7 @@ constexpr int kRegroupCycles = 8;     // after each
 
 }  // namespace
 
-void Tracker::track(const std::uint8_t* bgr, int width, int height, const std::vector<int>& source) {
+void Tracker::track(const std::uint8_t* bgr, int width, int height, std::span<const int> source) {
     see(bgr, width, height, frames_ == 0 || literal());
     cycles_ = 0;
     begin_ = std::chrono::steady_clock::now();
@@ -90,7 +90,7 @@ void Tracker::find_outlines_in_lightness() {
     lightness_in_full_ = false;
 }
 
-void Tracker::follow(const std::vector<int>& source) {
+void Tracker::follow(std::span<const int> source) {
     if (!source.empty()) labels_ = turn_labels(mesh_, labels_, source, config_.square_px);
     grouping_.expect(mesh_, labels_);
     if (!source.empty()) {

@@ -3,6 +3,7 @@
 
 #include <chrono>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "config.hpp"
@@ -24,7 +25,7 @@ public:
 
     // Fits the net to the next image (8-bit blue, green, red). `source` tells, for every pixel, which pixel of the last
     // frame the camera's rotation brought there (negative: none); empty where the camera did not turn much.
-    void track(const std::uint8_t* bgr, int width, int height, const std::vector<int>& source);
+    void track(const std::uint8_t* bgr, int width, int height, std::span<const int> source);
 
     // Puts regions of the last frame where they are expected in the next image, in the last one's coordinates.
     void displace(const std::vector<Displacement>& displacements);
@@ -47,7 +48,7 @@ private:
     void see(const std::uint8_t* bgr, int width, int height, bool every_pixel);
     void start();
     void find_outlines_in_lightness();
-    void follow(const std::vector<int>& source);
+    void follow(std::span<const int> source);
     void finish();
 
     void deform(int reach_px, int most_cycles, bool keep_means);

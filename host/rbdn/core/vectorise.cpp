@@ -136,24 +136,26 @@ private:
     std::vector<std::uint8_t> cracks_;
 };
 
-double height_over_chord(Point p, Point a, Point b) {
-    const double dx = b.x - a.x, dy = b.y - a.y;
-    const double size = std::hypot(dx, dy);
-    if (size == 0.0) return std::hypot(p.x - a.x, p.y - a.y);
-    return std::abs(dx * (p.y - a.y) - dy * (p.x - a.x)) / size;
-}
-
 // The point of a chain that lies farthest from the chord between two of its points.
 int farthest_between(const std::vector<Point>& points, int first, int last, double* distance) {
     int at = first;
     *distance = -1.0;
+    if (last - first < 2) return at;
+    const Point a = points[first], b = points[last];
+    const std::int64_t dx = b.x - a.x, dy = b.y - a.y;
+    const bool is_point = dx == 0 && dy == 0;
+    // Heights times the chord's length, or squared distances: whole numbers, in the same order.
+    std::int64_t most = -1;
     for (int k = first + 1; k < last; ++k) {
-        const double d = height_over_chord(points[k], points[first], points[last]);
-        if (d > *distance) {
-            *distance = d;
+        const std::int64_t x = points[k].x - a.x, y = points[k].y - a.y;
+        const std::int64_t height = is_point ? x * x + y * y : std::abs(dx * y - dy * x);
+        if (height > most) {
+            most = height;
             at = k;
         }
     }
+    const auto far = static_cast<double>(most);
+    *distance = is_point ? std::sqrt(far) : far / std::hypot(static_cast<double>(dx), static_cast<double>(dy));
     return at;
 }
 
@@ -297,8 +299,9 @@ void vectorise(Mesh& mesh, Crossings& crossings, const std::vector<int>& labels)
         mesh.next_vertex_id = first_id;
     }
     hand_over_ids(old, mesh.vertices);
+    const std::size_t edges = mesh.edges.size();
     mesh.compact();
-    crossings.build(mesh);
+    if (mesh.edges.size() != edges) crossings.build(mesh);
 }
 
 }  // namespace rbdn
