@@ -19,11 +19,12 @@ from host.rbdn.snapshot import Region, Snapshot
 FARTHEST_CM = 500.0  # above the row where the floor is this far away nothing counts as floor
 CROSSING = 0.02  # a region with more than this share above that row is not floor alone
 LIKE_FLOOR = 20.0  # mean colours nearer than this to a proven floor's are floor too
-LIKE_MIXED = 35.0  # and what is floor and wall in one is still nearer than this
+LIKE_MIXED = 35.0  # and what lies all before the robot, or is floor and wall in one, is nearer than this
 MOST_OF_BORDER = 0.6  # while no floor is known, what covers this share of the lower border is floor at least
 PART_OF_BORDER = 0.3  # and what covers this and is nothing else is floor alone
 SIGMA_RAY = 0.01  # of the tilt of the floor's plane against the camera, rad
 VOTE = 0.2  # what one frame's depths count; a new region begins at 1 or -0.1 by its looks
+PLAIN = 0.6  # and what its colour does where the region lies all before the robot
 CERTAIN = 3.0  # votes are kept within this
 
 
@@ -34,6 +35,8 @@ class FloorFinder:
         self._height_cm = height_cm
         self._votes: dict[int, float] = {}
         self._mixed: set[int] = set()
+        self._mixed_rgb: tuple[float, float, float] | None = None
+        self._crossing: set[int] = set()
         self._floor_rgb: tuple[float, float, float] | None = None
 
     def is_floor(self, region_id: int) -> bool:
@@ -52,16 +55,21 @@ class FloorFinder:
         pixels, at_border = picture.pixels.tolist(), picture.at_border.tolist()
         corners = _Corners(report, pose, self._height_cm)
         width = picture.shape[0]
+        crossed, self._crossing = self._crossing, set()
         for k, region in enumerate(snapshot.regions):
             if pixels[k] == 0:
                 continue
             share = at_border[k] / width
             if high[k] > CROSSING * pixels[k]:
+                self._crossing.add(region.id)
                 self._vote_on_crossing(region, share)
                 continue
-            vote = self._vote_of_depth(region, picture, report, reach[k] / pixels[k])
-            vote += corners.vote(region)
-            self._vote(region, share, vote)
+            if (
+                region.id in crossed
+            ):  # what reaches above the horizon does so from near and far: it is another
+                self._votes.pop(region.id, None)
+            depth = self._vote_of_depth(region, picture, report, reach[k] / pixels[k])
+            self._vote(region, share, depth, corners.vote(region))
         self._votes = {r.id: self._votes[r.id] for r in snapshot.regions if r.id in self._votes}
         self._learn_colour(snapshot)
 
@@ -71,14 +79,18 @@ class FloorFinder:
         mixed = self._looks_mixed(region, share) or ((before or 0.0) > 0 and share > 0.0)
         if mixed:
             self._mixed.add(region.id)
+            self._mixed_rgb = region.mean_rgb
         if before is None:
             self._votes[region.id] = 1.0 if mixed else -CERTAIN
 
-    def _vote(self, region: Region, share: float, vote: float) -> None:
+    def _vote(self, region: Region, share: float, depth: float, corners: float) -> None:
         before = self._votes.get(region.id)
         like = self._looks_like_floor(region, share)
+        vote = depth + corners
         if before is None:
             vote += 1.0 if like else -0.1
+        elif like and share > PART_OF_BORDER:
+            vote = PLAIN  # its outline and its corners are mostly those of things before it
         elif like and share > 0.0:
             vote += VOTE / 2
         self._votes[region.id] = max(-CERTAIN, min(CERTAIN, (before or 0.0) + vote))
@@ -87,13 +99,15 @@ class FloorFinder:
         """By colour, and before a floor's colour is known by lying in front of the robot."""
         if self._floor_rgb is None:
             return share > PART_OF_BORDER
-        return math.dist(region.mean_rgb, self._floor_rgb) < LIKE_FLOOR
+        limit = LIKE_MIXED if share > PART_OF_BORDER else LIKE_FLOOR
+        return math.dist(region.mean_rgb, self._floor_rgb) < limit
 
     def _looks_mixed(self, region: Region, share: float) -> bool:
         """Does a region that reaches up to the walls hold the floor before the robot as well?"""
-        if self._floor_rgb is None:
+        known = self._floor_rgb or self._mixed_rgb
+        if known is None:
             return share > MOST_OF_BORDER
-        return share > PART_OF_BORDER and math.dist(region.mean_rgb, self._floor_rgb) < LIKE_MIXED
+        return share > PART_OF_BORDER and math.dist(region.mean_rgb, known) < LIKE_MIXED
 
     def _vote_of_depth(
         self, region: Region, picture: Picture, report: DepthReport, mean_reach: float

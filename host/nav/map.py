@@ -20,9 +20,11 @@ from host.nav.floor import FloorFinder
 from host.nav.odometry import heading_of
 from host.nav.picture import NO_REGION, STEP_PX, Picture, rays_of
 from host.nav.stand import AT_BORDER, SURE, Feet, Standing, stand_of, usable_depth
+from host.nav.tracks import Tracks
 from host.pose import Pose
 from host.rbdn.snapshot import Snapshot
 
+FRONT_POINTS = 13  # of an obstacle's front that are looked at
 RANGE_CM = 300.0  # evidence is taken up to here
 SHELL_CM = 8.0  # how far behind a seen surface its cells are filled
 DEEPEST_CM = 40.0  # things are taken to be as deep as they are wide, up to this, until floor is seen there
@@ -31,6 +33,10 @@ LIMIT = 4.0
 SEEN_EMPTY = -0.4  # log-odds a frame of bare floor is worth
 BARELY_FREE = 1.5 * FREE  # what may be floor never counts for more
 FRONT_GAIN = 0.1  # share of one frame in what is remembered of a thing's front
+SURPRISE = 0.7  # log-odds a frame is worth that shows a thing below which the map knows nothing but floor
+DOUBT = -0.5  # and what is left of that floor
+NEARER = 0.5  # a thing whose foot is below the picture is taken to be this part nearer than the border
+BRIEF = 2.0  # what moves, and what nobody knows the place of, never counts for more
 PRESUMED = 1.0  # what is only presumed behind a surface never counts for more
 
 
@@ -45,16 +51,20 @@ class Obstacle:
     left_cm: tuple[float, float]  # (x, z) of its ends as seen from the camera
     right_cm: tuple[float, float]
     t_s: float
+    moving: bool = False
+    velocity_cm_s: tuple[float, float] | None = None  # (x, z), where it is known to move
 
     def __str__(self) -> str:
-        return f"region {self.region} at {self.depth_cm:.0f} ±{self.sigma_cm:.1f} cm ({self.how})"
+        how = f"{self.how}, moving" if self.moving else self.how
+        return f"region {self.region} at {self.depth_cm:.0f} ±{self.sigma_cm:.1f} cm ({how})"
 
 
 class ObstacleMap:
     """Grid of evidence in the odometry frame, and the last sighting of every region.
 
     ``evidence`` is (N, N) float32 log-odds, row = z, column = x, cell centres at
-    ``(index + 0.5) * cell - half``; ``region`` holds the id that last filled each cell.
+    ``(index + 0.5) * cell - half``; ``region`` holds the id that last filled each cell, ``brief`` is True
+    where that was something that moves, or that stood somewhere below the picture.
     """
 
     def __init__(self, body: BodyConfig, config: NavConfig):
@@ -62,7 +72,9 @@ class ObstacleMap:
         side = 2 * round(config.map_half_cm / config.cell_cm)
         self.evidence = np.zeros((side, side), np.float32)
         self.region = np.full((side, side), NO_REGION, np.int32)
+        self.brief = np.zeros((side, side), bool)
         self.obstacles: dict[int, Obstacle] = {}
+        self._tracks = Tracks()
         self._front_cm: dict[int, float] = {}  # before a region's mean depth
         self._half = side // 2 * config.cell_cm
         self.centres_cm = (np.arange(side) + 0.5) * config.cell_cm - self._half
@@ -103,6 +115,21 @@ class ObstacleMap:
     def obstacle_at(self, row: int, col: int) -> Obstacle | None:
         return self.obstacles.get(int(self.region[row, col]))
 
+    def stands(self, obstacle: Obstacle) -> bool:
+        """Whether what was seen to stand there still does: at least a part of its front is filled."""
+        (x0, z0), (x1, z1) = obstacle.left_cm, obstacle.right_cm
+        parts = np.linspace(0.0, 1.0, FRONT_POINTS).tolist()
+        return any(self._filled_near(x0 + p * (x1 - x0), z0 + p * (z1 - z0)) for p in parts)
+
+    def standing(self) -> list[Obstacle]:
+        """The obstacles that still stand where they were last seen."""
+        return [obstacle for obstacle in self.obstacles.values() if self.stands(obstacle)]
+
+    def _filled_near(self, x_cm: float, z_cm: float) -> bool:
+        row, col = self.cell_of(x_cm, z_cm)
+        near = self.evidence[max(0, row - 1) : row + 2, max(0, col - 1) : col + 2]
+        return bool((near > OCCUPIED).any())
+
     # ---- learning ----
 
     def stand_on(self, x_cm: float, z_cm: float) -> None:
@@ -121,7 +148,8 @@ class ObstacleMap:
         picture = Picture(snapshot, lens, rays_of(lens, pose))
         self.floor.update(snapshot, report, pose, picture)
         feet = Feet(picture, self.floor, pose, self.body.camera_height_cm)
-        standing = []
+        standing: list[Standing] = []
+        movers: set[int] = set()
         for region in snapshot.regions:
             if self.floor.is_floor(region.id) or self.floor.is_mixed(region.id):
                 continue
@@ -134,8 +162,15 @@ class ObstacleMap:
                 continue
             standing.append(found)
             self._learn_front(found, report)
-            self.obstacles[region.id] = _obstacle(found, feet, pose.t_s)
-        self._paint(pose, lens, feet, standing)
+            told = report.regions.get(region.id)
+            velocity = self._tracks.velocity(found, feet, pose.t_s)
+            moving = velocity is not None or (told is not None and told.moving)
+            if moving:
+                movers.add(region.id)
+            self.obstacles[region.id] = _obstacle(found, feet, pose.t_s, moving, velocity)
+        for region_id in movers:  # it is no longer where it was
+            self.evidence[(self.region == region_id) & (self.evidence > 0.0)] = 0.0
+        self._paint(pose, lens, feet, standing, movers)
 
     def _learn_front(self, standing: Standing, report: DepthReport) -> None:
         """By how much the front lies before the mean depth, from when the thing is seen to stand."""
@@ -158,14 +193,18 @@ class ObstacleMap:
             self.evidence *= math.exp(-max(0.0, t_s - self._t_s) / self.config.memory_s)
         self._t_s = t_s
         self.obstacles = {k: o for k, o in self.obstacles.items() if t_s - o.t_s < 2 * self.config.memory_s}
+        self._tracks.forget(t_s)
         self._front_cm = {k: front for k, front in self._front_cm.items() if k in self.obstacles}
 
     # ---- the grid ----
 
-    def _paint(self, pose: Pose, lens: Lens, feet: Feet, standing: list[Standing]) -> None:
+    def _paint(self, pose: Pose, lens: Lens, feet: Feet, standing: list[Standing], movers: set[int]) -> None:
         """Change the evidence of the cells in view."""
         cells, depth, column = self._cells_in_view(pose, lens, feet.across)
-        evidence, region = self.evidence.reshape(-1), self.region.reshape(-1)
+        evidence, region, brief = self.evidence.reshape(-1), self.region.reshape(-1), self.brief.reshape(-1)
+        gone = cells[brief[cells] & (depth < feet.nearest_cm) & ~feet.cut[column]]
+        evidence[gone] = np.minimum(evidence[gone], 0.0)  # it would be seen there, but for low things
+        brief[gone] = False
         before, owner = evidence[cells], region[cells]
         half = self.config.cell_cm / 2
         free_to = feet.free_cm.copy()
@@ -191,16 +230,26 @@ class ObstacleMap:
                 (owner[mine] == thing.region) & (off < -(self.config.cell_cm + thing.sigma_cm)) & (was > 0)
             )
             change[mine[moved]] = np.maximum(SEEN_EMPTY, -was[moved])
+        most = np.full(len(depth), LIMIT, np.float32)
+        passing = brief[cells]
         for thing, (mine, off) in zip(standing, behind, strict=True):
-            shell = max(SHELL_CM, thing.sigma_cm)
-            deep = max(shell, min(thing.width_cm(lens), DEEPEST_CM))
-            known = np.abs(before[mine]) >= PRESUMED
-            filled = (off > -min(half + 0.5 * thing.sigma_cm, 3 * half)) & (off < deep)
-            filled &= ~known if thing.how == AT_BORDER else (off < shell) | ~known
-            change[mine[filled]] = thing.weight
+            fleeting = thing.how == AT_BORDER or thing.region in movers
+            if thing.how == AT_BORDER:  # there or nearer, where the map knows of nothing
+                filled = (off > -NEARER * feet.nearest_cm) & (off < SHELL_CM)
+                before[mine[filled]] = np.maximum(before[mine[filled]], DOUBT)
+            else:
+                shell = max(SHELL_CM, thing.sigma_cm)
+                deep = max(shell, min(thing.width_cm(lens), DEEPEST_CM))
+                filled = (off > -min(half + 0.5 * thing.sigma_cm, 3 * half)) & (off < deep)
+                filled &= (off < shell) | (np.abs(before[mine]) < PRESUMED)
+            if thing.region in movers:
+                before[mine[filled]] = np.maximum(before[mine[filled]], DOUBT)
+            change[mine[filled]] = SURPRISE if fleeting else thing.weight
+            most[mine[filled]] = BRIEF if fleeting else LIMIT
+            passing[mine[filled]] = fleeting
             owner[mine[filled]] = thing.region
-        evidence[cells] = np.clip(before + change, -LIMIT, LIMIT)
-        region[cells] = owner
+        evidence[cells] = np.clip(before + change, -LIMIT, np.maximum(most, before))
+        region[cells], brief[cells] = owner, passing
 
     def _cells_in_view(self, pose: Pose, lens: Lens, across: np.ndarray):
         """(index into the flat grid, depth, image column) of the map's cells before the camera, each (N,)."""
@@ -241,7 +290,10 @@ def _level_line(lens: Lens) -> tuple[np.ndarray, np.ndarray]:
     return rays, lens.to_pixels(np.column_stack([rays, np.zeros(len(rays))]))[:, 0]
 
 
-def _obstacle(standing: Standing, feet: Feet, t_s: float) -> Obstacle:
+def _obstacle(
+    standing: Standing, feet: Feet, t_s: float, moving: bool, velocity: tuple[float, float] | None
+) -> Obstacle:
     left = feet.point(int(standing.columns[0]), float(standing.depth_cm[0]))
     right = feet.point(int(standing.columns[-1]), float(standing.depth_cm[-1]))
-    return Obstacle(standing.region, standing.mean_cm, standing.sigma_cm, standing.how, left, right, t_s)
+    z, sigma = standing.mean_cm, standing.sigma_cm
+    return Obstacle(standing.region, z, sigma, standing.how, left, right, t_s, moving, velocity)

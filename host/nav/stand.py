@@ -142,7 +142,9 @@ def stand_of(
     `front_cm` before its mean depth, as it did when its foot was last seen. Where much of the foot is below
     the image it is nearer than the border: what little of a foot is left to see then says nothing.
     """
-    measured = usable_depth(report, region_id)
+    found = report.regions.get(region_id)
+    moving = found is not None and found.moving
+    measured = None if moving else usable_depth(report, region_id)  # true of things at rest
     covered = picture.columns_of(region_id)
     mine = feet.region == region_id
     columns, cut = np.flatnonzero(mine & ~feet.cut), np.flatnonzero(mine & feet.cut)
