@@ -19,6 +19,9 @@ from host.link.serial_port import SerialPort
 from host.nav.pilot import View
 from host.nav.result import DriveLog
 from host.sim.board import Line
+from host.sim.rolling import is_simulated
+from host.sim.rolling import parse_uri as parse_robot
+from host.sim.scenes import world_from_uri
 from host.sim.scoring import Score
 from host.sim.session import Simulation
 
@@ -93,9 +96,9 @@ def open_rig(camera_uri: str, robot_uri: str, lens_file: Path | None) -> Iterato
     """
     if robot_uri == "auto":
         raise UsageError(f"robot {robot_uri}: not supported yet; write sim: or a port such as /dev/ttyACM0")
-    simulated = robot_uri in ("sim:", "avr:")
-    if robot_uri.partition(":")[0] == "sim" and not simulated:
-        raise UsageError(f"robot {robot_uri!r}: write sim: alone; the camera's URI names the world")
+    simulated = is_simulated(robot_uri)
+    if simulated:
+        parse_robot(robot_uri)
     if simulated != camera_uri.startswith("sim:"):
         raise UsageError(
             f"camera {camera_uri} and robot {robot_uri} do not go together: simulate both or neither"
@@ -103,7 +106,8 @@ def open_rig(camera_uri: str, robot_uri: str, lens_file: Path | None) -> Iterato
     if simulated and lens_file is not None:
         raise UsageError(f"--lens {lens_file}: a simulated camera brings its own lens; leave it out")
     if simulated:
-        simulation = Simulation(camera_uri, avr=robot_uri == "avr:")
+        avr, body_seed, body = parse_robot(robot_uri, world_from_uri(camera_uri).seed)
+        simulation = Simulation(camera_uri, body=body, body_seed=body_seed, avr=avr)
         with Robot(simulation.transport, simulation.clock, lambda: Line(simulation.board)) as robot:
             robot.connect()
             world = simulation.world

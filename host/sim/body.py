@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,6 +19,13 @@ LOOK_CM = 0.5  # travel after which the clearance is measured anew
 REST_STEPS = 10  # between two looks for movers while the robot stands
 STANDS_CM_S = 1.0  # a robot that is slower drives into nobody who comes towards it
 CONTACT_ENDS_CM = 0.5  # beyond this gap the next touch counts as another collision
+LIFT_S = 0.4  # that a hand takes to lift the robot
+LIFTED_CM = 22.0  # and how high
+LIFTED_RAD = (0.5, 0.25, -0.2)  # by how much it turns it, nods it down and tips it to the left
+SWAY_RAD, SWAY_S = 0.05, 1.7  # a hand is not still
+FLOOR_CM = (140.0, 390.0)  # lengths over which a floor's grip varies
+GRIP_VARIES = 1 / 3  # by so much of the mean slip
+REAL_SLIP_S, REAL_SLIP_SHARE = (0.05, 0.15), (0.2, 0.6)  # a crumb, a joint: how long, how much
 PHASES = ((False, False), (True, False), (True, True), (False, True))  # pins A, B, rolling forward
 
 
@@ -46,6 +53,10 @@ class BodyModel:
     battery_mv: float = 7400.0  # without load
     sag_mv: float = 300.0  # less with both motors at full duty
     slowest_cm_s: float = 0.05  # an unpowered wheel slower than this is held by friction
+    drain_mv_per_min: float = 0.0  # that the battery loses with both motors at full duty, in proportion else
+    slip: float = 0.0  # share of a wheel's turning that moves nothing, on average; it varies by a third
+    slip_per_cm_s2: float = 0.0  # and so much more of it while the wheel speeds up
+    slips_per_m: float = 0.0  # rare short real slips of one wheel
 
 
 class Wheel:
@@ -123,6 +134,56 @@ class Wheel:
         return t
 
 
+class Grip:
+    """What of the wheels' turning moves the robot.
+
+    A floor's part varies slowly along the way. More is lost while a wheel speeds up, and while it brakes the
+    robot pushes on. Now and then one wheel truly slips for a moment.
+    """
+
+    def __init__(self, model: BodyModel, rng: np.random.Generator) -> None:
+        self._model, self._rng = model, rng
+        self._phases = rng.uniform(0.0, 2 * math.pi, (2, len(FLOOR_CM))).tolist()
+        self._rolled_cm = [0.0, 0.0]
+        self._left_until_slip_cm = self._draw_way()
+        self._slips: list[tuple[float, int]] = [(0.0, 0), (0.0, 0)]  # share and end of each wheel's
+        self._forced: list[tuple[float, int]] = [(0.0, 0), (0.0, 0)]
+
+    def force(self, left: float, right: float, until_us: int) -> None:
+        """Let these shares be lost until then, whatever the floor."""
+        self._forced = [(left, until_us), (right, until_us)]
+
+    def moved(self, side: int, travel: float, gain_cm_s: float, now_us: int) -> float:
+        """Way on the floor of a wheel that turned by `travel` in a step and got faster by `gain_cm_s`."""
+        share, end_us = self._forced[side]
+        if now_us < end_us:
+            return (1.0 - share) * travel
+        model = self._model
+        if model.slip == model.slip_per_cm_s2 == model.slips_per_m == 0.0:
+            return travel
+        rolled = self._rolled_cm[side] = self._rolled_cm[side] + abs(travel)
+        wave = sum(
+            math.sin(2 * math.pi * rolled / length + phase)
+            for length, phase in zip(FLOOR_CM, self._phases[side], strict=True)
+        )
+        share = model.slip * (1.0 + GRIP_VARIES / len(FLOOR_CM) * wave)
+        share += model.slip_per_cm_s2 * math.copysign(gain_cm_s / STEP_S, gain_cm_s * travel)
+        self._slip_now_and_then(side, abs(travel), now_us)
+        slip, end_us = self._slips[side]
+        return (1.0 - max(share, slip if now_us < end_us else share)) * travel
+
+    def _slip_now_and_then(self, side: int, way_cm: float, now_us: int) -> None:
+        self._left_until_slip_cm -= way_cm / 2  # of the two wheels' mean
+        if self._left_until_slip_cm <= 0.0:
+            lasts_s, share = self._rng.uniform(*REAL_SLIP_S), self._rng.uniform(*REAL_SLIP_SHARE)
+            self._slips[side] = (share, now_us + round(1e6 * lasts_s))
+            self._left_until_slip_cm = self._draw_way()
+
+    def _draw_way(self) -> float:
+        per_cm = self._model.slips_per_m / 100
+        return float(self._rng.exponential(1 / per_cm)) if per_cm else math.inf
+
+
 class Body:
     """Where the robot truly is.
 
@@ -154,11 +215,13 @@ class Body:
             board, Side.RIGHT, model, 1.0 - half, model.right_wheel, float(phases[1]), tuple(shifts[1])
         )
         self._track_cm = model.true_track * model.track_cm
+        self._grip = Grip(model, rng)
+        self._lifted_us: int | None = None  # since when it is in somebody's hand
         self._time_us = board.time_us  # up to which the motion is known
         self._x, self._z, self._heading = 0.0, -model.camera_ahead_cm, 0.0  # the camera starts at (0, 0)
-        self._trace: deque[tuple[float, float, float]] = deque(maxlen=TRACE_STEPS)
-        self._trace.append((self._x, self._z, self._heading))
-        self._battery_mv = 0.0
+        self._trace: deque[tuple[float, float, float, float]] = deque(maxlen=TRACE_STEPS)
+        self._trace.append((self._x, self._z, self._heading, 0.0))  # the last is how far it is lifted, 0 to 1
+        self._battery_mv = self._drained_mv = 0.0
         self._set_battery(model.battery_mv)
         self.collisions = self.run_into = 0
         self.distance_cm = 0.0
@@ -195,16 +258,58 @@ class Body:
         """Move on by 1 ms."""
         left_duty, right_duty = self._left.duty, self._right.duty
         load = (abs(left_duty) + abs(right_duty)) / 2
-        self._set_battery(self._model.battery_mv - self._model.sag_mv * load)
-        voltage = self._battery_mv / self._model.battery_mv
-        left = self._left.roll(left_duty, voltage, self._time_us)
-        right = self._right.roll(right_duty, voltage, self._time_us)
-        if left or right:
-            self._move((left + right) / 2, (left - right) / self._track_cm)
-        elif self._world.movers and self._time_us % (REST_STEPS * STEP_US) == 0:
-            self._feel(self._gap_cm(self._x, self._z))
+        model, now_us = self._model, self._time_us
+        self._drained_mv += model.drain_mv_per_min * load * STEP_S / 60
+        self._set_battery(model.battery_mv - self._drained_mv - model.sag_mv * load)
+        voltage = self._battery_mv / model.battery_mv
+        before = self.wheel_speeds_cm_s
+        left = self._left.roll(left_duty, voltage, now_us)
+        right = self._right.roll(right_duty, voltage, now_us)
+        if self._lifted_us is None:
+            if left or right:
+                left = self._grip.moved(0, left, self._left.speed_cm_s - before[0], now_us)
+                right = self._grip.moved(1, right, self._right.speed_cm_s - before[1], now_us)
+                self._move((left + right) / 2, (left - right) / self._track_cm)
+            elif self._world.movers and now_us % (REST_STEPS * STEP_US) == 0:
+                self._feel(self._gap_cm(self._x, self._z))
         self._time_us += STEP_US
-        self._trace.append((self._x, self._z, self._heading))
+        self._trace.append((self._x, self._z, self._heading, self._height()))
+
+    # --- What may happen to a robot ---------------------------------------------------------------
+
+    def slip(self, left: float, right: float, for_s: float) -> None:
+        """For a while let these shares of the wheels' turning move nothing; the encoders count on.
+
+        1 is a wheel that spins on the spot; below 0 the robot is pushed along.
+        """
+        self._grip.force(left, right, self._time_us + round(1e6 * for_s))
+
+    def lift(self) -> None:
+        """Take the robot up: in 0.4 s it is 22 cm higher, turned and tipped. Its wheels turn freely."""
+        if self._lifted_us is None:
+            self._lifted_us = self._time_us
+
+    def put_down(self, x_cm: float, z_cm: float, heading_rad: float) -> None:
+        """Set it, lifted or not, on the floor: the axle's middle there, heading as given.
+
+        Raises
+        ------
+        ValueError
+            Something stands there.
+        """
+        gap_cm = self._gap_cm(x_cm, z_cm)
+        if gap_cm < 0.0:
+            raise ValueError(f"the robot does not fit at ({x_cm:g}, {z_cm:g}): {-gap_cm:.1f} cm too close")
+        self._x, self._z, self._heading = x_cm, z_cm, heading_rad
+        self._lifted_us = None
+        self._touching = self._pressed = False
+        self._feel(gap_cm)
+
+    def _height(self) -> float:
+        if self._lifted_us is None:
+            return 0.0
+        part = min((self._time_us - self._lifted_us) * 1e-6 / LIFT_S, 1.0)
+        return part * part * (3.0 - 2.0 * part)
 
     def pose_at(self, t_us: int) -> Pose:
         """True camera pose at a time of the last 10 s.
@@ -221,11 +326,14 @@ class Body:
         b = self._trace[-1 - later]
         a = self._trace[-2 - later] if steps_ago > later else b
         part = steps_ago - later
-        x, z, heading = (q + (p - q) * part for p, q in zip(a, b, strict=True))
+        if a[3] > 0.0 and b[3] == 0.0:  # put down elsewhere: nowhere in between
+            a = b
+        x, z, heading, height = (q + (p - q) * part for p, q in zip(a, b, strict=True))
         ahead = self._model.camera_ahead_cm
-        return Pose.planar(
+        pose = Pose.planar(
             x + ahead * math.sin(heading), z + ahead * math.cos(heading), heading, t_s=t_us * 1e-6
         )
+        return pose if height == 0.0 else _in_hand(pose, height)
 
     # --- Motion ---------------------------------------------------------------------------------
 
@@ -277,3 +385,15 @@ class Body:
         if abs(mv - self._battery_mv) >= 1.0:
             self._battery_mv = mv
             self._board.set_battery_mv(round(mv))
+
+
+def _in_hand(pose: Pose, part: float) -> Pose:
+    """Where the camera is once the hand has lifted it so far, 0 to 1."""
+    sway = SWAY_RAD * math.sin(2 * math.pi * pose.t_s / SWAY_S)
+    yaw, pitch, roll = (part * (angle + sway) for angle in LIFTED_RAD)
+    cy, sy, cp, sp, cr, sr = (f(a) for a in (yaw, pitch, roll) for f in (math.cos, math.sin))
+    turned = np.array([[cy, 0.0, sy], [0.0, 1.0, 0.0], [-sy, 0.0, cy]])
+    nodded = np.array([[1.0, 0.0, 0.0], [0.0, cp, sp], [0.0, -sp, cp]])
+    tipped = np.array([[cr, -sr, 0.0], [sr, cr, 0.0], [0.0, 0.0, 1.0]])
+    position = pose.position_cm - np.array([0.0, part * LIFTED_CM, 0.0])
+    return replace(pose, rotation=pose.rotation @ turned @ nodded @ tipped, position_cm=position)

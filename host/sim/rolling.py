@@ -2,14 +2,16 @@
 
 Its URI is ``sim:`` for the firmware compiled for this machine, or ``avr:`` for the real program in a
 simulated ATmega328P; what is hidden from the robot follows a question mark: ``sim:?seed=3&wheels=2``.
+``rough=1`` draws a poor body from the seed; what else is given in the URI then stands above what was drawn.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import cast
 from urllib.parse import parse_qsl
+
+import numpy as np
 
 from host.camera.lens import Lens
 from host.errors import UsageError
@@ -23,17 +25,35 @@ from host.sim.world import Room, World
 KINDS = ("sim", "avr")
 # What a URI may say of the body: lowest, highest, meaning.
 OPTIONS = {
-    "seed": (0.0, 2.0**31 - 1, "decides boot nonces and where the wheels stand at first"),
+    "seed": (0.0, 2.0**31 - 1, "decides boot nonces, where the wheels stand at first, all that is random"),
+    "rough": (0.0, 1.0, "1 for a poor body, drawn from the seed"),
     "motors": (-50.0, 50.0, "percent by which the left motor is faster than the right"),
     "wheels": (-20.0, 20.0, "percent by which the left wheel is larger than the right"),
-    "size": (-20.0, 20.0, "percent by which both wheels are larger than the robot believes"),
+    "size": (-20.0, 20.0, "percent by which both wheels go further than the robot believes, slip counted"),
     "track": (-20.0, 20.0, "percent by which the wheels are further apart than the robot believes"),
     "edges": (0.0, 40.0, "percent of a count by which encoder edges are off their places"),
     "speed": (10.0, 200.0, "cm/s at full duty and full battery"),
     "lag_ms": (5.0, 500.0, "time constant of the motors"),
     "dead_zone": (0.0, 60.0, "percent of duty below which a motor stands"),
     "battery_mv": (3000.0, 12_600.0, "battery without load"),
+    "slip": (0.0, 20.0, "percent of the wheels' turning that moves nothing; it varies by a third"),
 }
+WHOLE = ("seed", "rough")
+# What rough=1 draws of them, evenly between two values; of the battery depends how fast the robot is.
+ROUGH = {
+    "motors": (-15.0, 15.0),
+    "wheels": (-0.5, 0.5),  # what a calibration leaves, as track and size
+    "size": (-0.3, 0.3),
+    "track": (-0.5, 0.5),
+    "edges": (0.0, 10.0),
+    "lag_ms": (30.0, 90.0),
+    "dead_zone": (5.0, 15.0),
+    "battery_mv": (6600.0, 8400.0),
+    "slip": (0.5, 1.0),
+}
+ROUGH_SLIP_PER_CM_S2 = 3e-5  # 1 % at 333 cm/s^2
+ROUGH_SLIPS_PER_M = 0.1
+ROUGH_DRAIN_MV_PER_MIN = 30.0
 
 
 def is_simulated(uri: str) -> bool:
@@ -41,8 +61,13 @@ def is_simulated(uri: str) -> bool:
     return uri.partition(":")[0] in KINDS and ":" in uri
 
 
-def parse_uri(uri: str) -> tuple[bool, int, BodyModel]:
+def parse_uri(uri: str, seed: int = 0) -> tuple[bool, int, BodyModel]:
     """Whether the ATmega is simulated, the seed, and the body.
+
+    Parameters
+    ----------
+    seed
+        That holds where the URI gives none.
 
     Raises
     ------
@@ -60,21 +85,34 @@ def parse_uri(uri: str) -> tuple[bool, int, BodyModel]:
         if key in values:
             raise UsageError(f"robot {uri!r}: {key} is given twice; keep one of them")
         values[key] = _number(uri, key, text)
-    model = BodyModel()
-    share = {key: values.get(key, 0.0) / 100 for key in ("motors", "wheels", "size", "track", "edges")}
-    model = replace(
-        model,
-        mismatch=share["motors"] if "motors" in values else model.mismatch,
-        left_wheel=(1 + share["size"]) * (1 + share["wheels"] / 2),
-        right_wheel=(1 + share["size"]) * (1 - share["wheels"] / 2),
+    seed = int(values.get("seed", seed))
+    return kind == "avr", seed, _body(values, seed)
+
+
+def _body(values: dict[str, float], seed: int) -> BodyModel:
+    plain, rough = BodyModel(), bool(values.get("rough", 0.0))
+    speed = plain.full_speed_cm_s
+    if rough:
+        chance = np.random.default_rng((0x60DE, seed))
+        values = {key: float(chance.uniform(*between)) for key, between in ROUGH.items()} | values
+        speed *= values["battery_mv"] / plain.battery_mv
+    share = {key: values.get(key, 0.0) / 100 for key in ("wheels", "size", "track", "edges", "slip")}
+    size = (1 + share["size"]) / (1 - share["slip"])
+    return BodyModel(
+        mismatch=values.get("motors", 100 * plain.mismatch) / 100,
+        left_wheel=size * (1 + share["wheels"] / 2),
+        right_wheel=size * (1 - share["wheels"] / 2),
         true_track=1 + share["track"],
         phase_error=share["edges"],
-        full_speed_cm_s=values.get("speed", model.full_speed_cm_s),
-        lag_s=values.get("lag_ms", 1000 * model.lag_s) / 1000,
-        dead_zone=values.get("dead_zone", 100 * model.dead_zone) / 100,
-        battery_mv=values.get("battery_mv", model.battery_mv),
+        full_speed_cm_s=values.get("speed", speed),
+        lag_s=values.get("lag_ms", 1000 * plain.lag_s) / 1000,
+        dead_zone=values.get("dead_zone", 100 * plain.dead_zone) / 100,
+        battery_mv=values.get("battery_mv", plain.battery_mv),
+        slip=share["slip"],
+        slip_per_cm_s2=ROUGH_SLIP_PER_CM_S2 if rough else 0.0,
+        slips_per_m=ROUGH_SLIPS_PER_M if rough else 0.0,
+        drain_mv_per_min=ROUGH_DRAIN_MV_PER_MIN if rough else 0.0,
     )
-    return kind == "avr", int(values.get("seed", 0)), model
 
 
 def _number(uri: str, key: str, text: str) -> float:
@@ -83,8 +121,8 @@ def _number(uri: str, key: str, text: str) -> float:
         value = float(text)
     except ValueError:
         value = float("nan")
-    if not lowest <= value <= highest or (key == "seed" and value != int(value)):
-        kind = "a whole number" if key == "seed" else "a number"
+    if not lowest <= value <= highest or (key in WHOLE and value != int(value)):
+        kind = "a whole number" if key in WHOLE else "a number"
         raise UsageError(
             f"robot {uri!r}: {key} must be {kind} from {lowest:.0f} to {highest:.0f}, not {text!r}"
         )

@@ -24,12 +24,13 @@ SCENES = {
     "slants": slants,
 }
 PARAMETERS = {name: ("seed",) for name in SCENES} | {
-    "room": ("seed", "objects", "movers", "rough"),
-    "corridor": ("seed", "movers", "rough"),
-    "clutter": ("seed", "movers", "rough"),
+    "room": ("seed", "objects", "movers", "rough", "fps"),
+    "corridor": ("seed", "movers", "rough", "fps"),
+    "clutter": ("seed", "movers", "rough", "fps"),
     "slants": ("seed", "angle_deg"),
 }
-HIGHEST = {"seed": 2**31 - 1, "objects": 30, "movers": 1, "rough": 1, "angle_deg": 60}
+HIGHEST = {"seed": 2**31 - 1, "objects": 30, "movers": 1, "rough": 1, "fps": 60, "angle_deg": 60}
+LOWEST = {"fps": 5}  # else 0
 
 # A cheap webcam in poor light, on a busy host.
 ROUGH = WebcamModel(
@@ -49,6 +50,7 @@ def world_from_uri(uri: str) -> World:
     """
     name, values = _parse(uri)
     movers, rough = values.pop("movers", 0), values.pop("rough", 0)
+    values.pop("fps", None)
     world = SCENES[name](**values)
     if rough:
         world = replace(world, lens=replace(world.lens, distortion=ROUGH_DISTORTION))
@@ -67,6 +69,17 @@ def webcam_from_uri(uri: str) -> WebcamModel:
     return ROUGH if values.get("rough") else WebcamModel()
 
 
+def fps_from_uri(uri: str) -> int | None:
+    """Frames a second that the URI asks for; None where it does not.
+
+    Raises
+    ------
+    UsageError
+        As ``world_from_uri``.
+    """
+    return _parse(uri)[1].get("fps")
+
+
 def _parse(uri: str) -> tuple[str, dict[str, int]]:
     kind, colon, rest = uri.partition(":")
     name, _, query = rest.partition("?")
@@ -78,8 +91,9 @@ def _parse(uri: str) -> tuple[str, dict[str, int]]:
         if key not in PARAMETERS[name]:
             known = ", ".join(PARAMETERS[name])
             raise UsageError(f"camera {uri!r}: sim:{name} has no parameter {key!r}; known are {known}")
-        if not (text.isascii() and text.isdigit() and int(text) <= HIGHEST[key]):
-            values_known = f"a whole number from 0 to {HIGHEST[key]}"
+        lowest = LOWEST.get(key, 0)
+        if not (text.isascii() and text.isdigit() and lowest <= int(text) <= HIGHEST[key]):
+            values_known = f"a whole number from {lowest} to {HIGHEST[key]}"
             raise UsageError(f"camera {uri!r}: {key} must be {values_known}, not {text!r}")
         if key in values:
             raise UsageError(f"camera {uri!r}: {key} is given twice; keep one of them")

@@ -15,7 +15,7 @@ from host.sim.body import BodyModel
 from host.sim.eeprom import image
 from host.sim.render import Renderer, Webcam, WebcamModel
 from host.sim.rolling import RollingRobot
-from host.sim.scenes import webcam_from_uri, world_from_uri
+from host.sim.scenes import fps_from_uri, webcam_from_uri, world_from_uri
 
 FRAMES_PER_S = 15.0
 BANDS = 12  # of rows exposed at one moment each, where rows are read out one after another
@@ -103,9 +103,9 @@ class Simulation:
     Parameters
     ----------
     uri
-        The world, such as ``sim:room?seed=3``; its seed also decides noise and wheels.
+        The world, such as ``sim:room?seed=3``; its seed decides noise, and wheels unless `body_seed` does.
     fps
-        Frames a second, 1 to 1000.
+        Frames a second, 1 to 1000; what the URI says by default, or else 15.
     avr
         Run the real firmware in a simulated ATmega328P instead of the firmware compiled for this machine.
 
@@ -130,16 +130,24 @@ class Simulation:
         uri: str,
         *,
         body: BodyModel | None = None,
+        body_seed: int | None = None,
         webcam: WebcamModel | None = None,
-        fps: float = FRAMES_PER_S,
+        fps: float | None = None,
         avr: bool = False,
     ) -> None:
+        fps = fps_from_uri(uri) or FRAMES_PER_S if fps is None else fps
         if not 1.0 <= fps <= 1000.0:
             raise ValueError(f"fps must be 1 to 1000, not {fps}")
         self.world = world_from_uri(uri)
         self.renderer = Renderer(self.world)
         body, seed = body or BodyModel(), self.world.seed
-        rolling = RollingRobot(body, avr=avr, seed=seed, world=self.world, eeprom=believed(body))
+        rolling = RollingRobot(
+            body,
+            avr=avr,
+            seed=seed if body_seed is None else body_seed,
+            world=self.world,
+            eeprom=believed(body),
+        )
         self.board, self.body, self.clock = rolling.board, rolling.body, rolling.clock
         self.transport = rolling.line()
         self._webcam_model = webcam or webcam_from_uri(uri)

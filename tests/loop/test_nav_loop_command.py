@@ -135,7 +135,7 @@ def test_what_a_drive_is_for_is_chosen_and_told(arguments, task, goal, tmp_path)
         (["--camera", "sim:nowhere"], "sim:nowhere"),
         (["--camera", "sim:room?seed=x"], "seed"),
         (["--camera", "sim:room", "--robot", "/dev/ttyACM0"], "do not go together"),
-        (["--robot", "sim:room"], "sim: alone"),
+        (["--robot", "sim:room"], "write sim: or avr:"),
         (["--json", "."], "is a folder"),
         (["--nav.speed-cm-s", "0"], "speed"),
         (["--sped", "3"], "--sped"),

@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 from itertools import pairwise
 
+import numpy as np
 import pytest
 
 from host.camera.lens import Lens
@@ -306,3 +307,118 @@ def test_a_robot_that_drives_on_into_who_has_run_into_it_collides() -> None:
     assert (body.collisions, body.run_into) == (0, 1)
     board.drive(body, 0.4, 0.4, 300)
     assert (body.collisions, body.run_into) == (1, 1)
+
+
+# --- Slip ------------------------------------------------------------------------------------------
+
+
+def test_a_wheel_that_slips_counts_on_and_moves_less() -> None:
+    body, board = body_in(hall())
+    board.drive(body, 0.4, 0.4, 1000)
+    z, heading, counted = body.axle[1], body.axle[2], board.counts(Side.LEFT)
+    body.slip(1.0, 1.0, for_s=0.5)
+    board.drive(body, 0.4, 0.4, 500)
+    assert (body.axle[1], body.axle[2]) == (z, heading)
+    assert board.counts(Side.LEFT) - counted > 20
+    board.drive(body, 0.4, 0.4, 500)
+    assert body.axle[1] - z == pytest.approx(0.5 * body.speed_cm_s, rel=1e-6)
+    body.slip(0.5, 0.0, for_s=0.2)
+    board.drive(body, 0.4, 0.4, 200)
+    assert body.axle[2] - heading == pytest.approx(-0.5 * 0.2 * body.speed_cm_s / EQUAL.track_cm, rel=1e-6)
+
+
+def lost(model: BodyModel, seed: int, ms: int = 20_000) -> list[float]:
+    """Share of the left wheel's turning that moved nothing, in each second."""
+    body, board = body_in(hall(), replace(model, track_cm=1e9), seed)  # so that it goes straight on
+    shares = []
+    for _ in range(ms // 1000):
+        z, turned = body.axle[1], body._left._counts
+        board.drive(body, 0.4, 0.4, 1000)
+        shares.append(1 - (body.axle[1] - z) / (0.5 * (body._left._counts - turned)))
+    return shares
+
+
+def test_a_floor_takes_its_part_which_varies_slowly_by_a_third() -> None:
+    every = [share for seed in range(8) for share in lost(replace(EQUAL, slip=0.0075), seed)]
+    assert 0.0049 < min(every) < 0.0065 and 0.0085 < max(every) < 0.0101
+    assert sum(every) / len(every) == pytest.approx(0.0075, abs=0.0006)
+    one = lost(replace(EQUAL, slip=0.0075), 1)
+    assert max(abs(b - a) for a, b in pairwise(one)) < 0.0025
+
+
+def test_more_is_lost_while_a_wheel_speeds_up_and_the_robot_pushes_on_while_it_brakes() -> None:
+    body, board = body_in(hall(), replace(EQUAL, slip_per_cm_s2=3e-5))
+    board.drive(body, 0.6, 0.6, 300)
+    begun = body_in(hall())[0]._left._counts
+    assert body.axle[1] + 12.0 < 0.5 * (body._left._counts - begun)
+    z, turned = body.axle[1], body._left._counts
+    board.drive(body, 0.0, 0.0, 600)
+    assert body.axle[1] - z > 0.5 * (body._left._counts - turned)
+
+
+def test_real_slips_are_rare_short_and_of_one_wheel() -> None:
+    kicks, way_m = 0, 0.0
+    for seed in range(4):
+        body, board = body_in(hall(), replace(EQUAL, slips_per_m=2.0), seed)
+        heading, calm = 0.0, True
+        for _ in range(1000):
+            board.drive(body, 0.3, 0.3, 10)
+            turned = abs(body.axle[2] - heading) > 1e-9
+            kicks += turned and calm
+            heading, calm = body.axle[2], not turned
+        way_m += body.distance_cm / 100
+        assert 0.01 < abs(heading) < 0.5
+    assert 1.0 < kicks / way_m < 3.0
+
+
+def test_the_battery_drains_with_use_alone() -> None:
+    body, board = body_in(hall(), replace(EQUAL, drain_mv_per_min=600.0))
+    board.drive(body, 0.0, 0.0, 1000)
+    assert board.battery_mv[-1] == 7400
+    board.drive(body, 0.5, 0.5, 10_000)
+    assert board.battery_mv[-1] == pytest.approx(7350, abs=2)
+    assert body.speed_cm_s < 0.995 * 70 * (0.5 - 0.08) / 0.92
+
+
+# --- A hand that takes it up -----------------------------------------------------------------------
+
+
+def test_a_lifted_robot_goes_nowhere_while_its_wheels_turn_and_its_camera_sees_from_elsewhere() -> None:
+    body, board = body_in(hall())
+    board.drive(body, 0.4, 0.4, 1000)
+    axle, counted, way = body.axle, board.counts(Side.LEFT), body.distance_cm
+    on_the_floor = body.pose_at(board.time_us)
+    body.lift()
+    board.drive(body, 0.4, 0.4, 1000)
+    assert (body.axle, body.distance_cm) == (axle, way)
+    assert board.counts(Side.LEFT) - counted > 40
+    lifted = body.pose_at(board.time_us)
+    assert lifted.position_cm[1] == pytest.approx(-22.0)
+    assert lifted.rotation @ lifted.rotation.T == pytest.approx(np.eye(3))
+    assert np.arccos((np.trace(lifted.rotation.T @ on_the_floor.rotation) - 1) / 2) > 0.4
+    assert lifted.rotation[1, 2] > 0.1  # it looks down
+    half_way = body.pose_at(board.time_us - 800_000)
+    assert -21.0 < half_way.position_cm[1] < -1.0
+
+
+def test_a_robot_put_down_stands_there_at_once_and_drives_on_from_there() -> None:
+    body, board = body_in(hall())
+    board.drive(body, 0.4, 0.4, 500)
+    body.lift()
+    board.drive(body, 0.0, 0.0, 1000)
+    way = body.distance_cm
+    body.put_down(50.0, 80.0, math.pi / 2)
+    assert (body.axle, body.distance_cm) == ((50.0, 80.0, math.pi / 2), way)
+    board.drive(body, 0.4, 0.4, 1000)
+    x, z, _ = body.axle
+    assert x > 60 and z == pytest.approx(80.0)
+    pose = body.pose_at(board.time_us - 999_500)  # half a millisecond after it was put down
+    assert pose.position_cm[1] == 0.0 and pose.position_cm[0] == pytest.approx(62.0, abs=0.1)
+    assert body.collisions == 0
+
+
+def test_nobody_puts_a_robot_into_something() -> None:
+    body, _ = body_in(hall(Box("box", 50.0, 80.0, 20.0, 20.0, 20.0, 0.0, GREY)))
+    with pytest.raises(ValueError, match="does not fit at"):
+        body.put_down(45.0, 80.0, 0.0)
+    assert body.axle == (0.0, -12.0, 0.0)

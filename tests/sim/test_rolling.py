@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from host.errors import UsageError
@@ -18,7 +20,7 @@ def test_a_plain_uri_is_the_ordinary_body() -> None:
 
 
 def test_every_option_reaches_the_body() -> None:
-    body = "motors=-15&wheels=3&size=1&track=4&edges=10"
+    body = "rough=0&motors=-15&wheels=3&size=1&track=4&edges=10&slip=0"
     uri = f"avr:?seed=7&{body}&speed=60&lag_ms=90&dead_zone=12&battery_mv=6800"
     avr, seed, model = parse_uri(uri)
     assert (avr, seed) == (True, 7)
@@ -36,12 +38,14 @@ def test_every_option_reaches_the_body() -> None:
         ("simulated", "write sim: or avr:"),
         ("sim:room?seed=1", "write sim: or avr:"),
         ("/dev/ttyACM0", "write sim: or avr:"),
-        ("sim:?sead=1", "no option 'sead'; known are seed, motors"),
+        ("sim:?sead=1", "no option 'sead'; known are seed, rough, motors"),
         ("sim:?seed=1&seed=2", "seed is given twice"),
         ("sim:?seed=1.5", "seed must be a whole number from 0"),
         ("sim:?track=x", "track must be a number from -20 to 20, not 'x'"),
         ("sim:?track=nan", "track must be a number"),
         ("sim:?dead_zone=90", "dead_zone must be a number from 0 to 60"),
+        ("sim:?rough=0.5", "rough must be a whole number from 0 to 1"),
+        ("avr:?slip=-1", "slip must be a number from 0 to 20"),
     ],
 )
 def test_a_uri_that_names_nothing_is_refused_in_one_line(uri: str, complaint: str) -> None:
@@ -83,4 +87,49 @@ def test_equal_uris_give_equal_runs() -> None:
                 rolling.clock.sleep_s(0.05)
                 robot.poll()
         ends.append(rolling.body.axle)
+    assert ends[0] == ends[1]
+
+
+# --- Poor bodies -----------------------------------------------------------------------------------
+
+
+def test_a_rough_body_is_within_its_bounds_and_another_for_every_seed() -> None:
+    models = [parse_uri(f"sim:?rough=1&seed={seed}")[2] for seed in range(200)]
+    assert len({model.mismatch for model in models}) == 200
+    for m in models:
+        assert abs(m.mismatch) <= 0.15 and 0.03 <= m.lag_s <= 0.09 and 0.05 <= m.dead_zone <= 0.15
+        assert 6600 <= m.battery_mv <= 8400 and 0 <= m.phase_error <= 0.1 and 0.005 <= m.slip <= 0.01
+        assert abs(m.left_wheel / m.right_wheel - 1) <= 0.00501 and abs(m.true_track - 1) <= 0.005
+        on_the_floor = (m.left_wheel + m.right_wheel) / 2 * (1 - m.slip)
+        assert abs(on_the_floor - 1) <= 0.003
+        assert m.full_speed_cm_s / m.battery_mv == pytest.approx(70 / 7400)
+    assert np.ptp([m.mismatch for m in models]) > 0.28 and np.ptp([m.lag_s for m in models]) > 0.056
+
+
+def test_what_a_uri_says_stands_above_what_rough_draws_and_changes_nothing_else() -> None:
+    drawn = parse_uri("sim:?rough=1&seed=5")[2]
+    said = parse_uri("sim:?rough=1&seed=5&lag_ms=70&motors=0")[2]
+    assert (said.lag_s, said.mismatch) == pytest.approx((0.07, 0.0))
+    assert replace(said, lag_s=drawn.lag_s, mismatch=drawn.mismatch) == drawn
+
+
+def test_a_uri_without_a_seed_takes_the_one_it_is_given() -> None:
+    assert parse_uri("sim:?rough=1", 9) == parse_uri("sim:?rough=1&seed=9")
+    assert parse_uri("sim:?seed=4", 9)[1] == 4
+
+
+def test_a_rough_body_drives_as_told_all_the_same_and_alike_each_time() -> None:
+    ends = []
+    for _ in range(2):
+        rolling = open_rolling("sim:?rough=1&seed=3")
+        with Robot(rolling.line(), rolling.clock) as robot:
+            robot.connect()
+            begin_s, z = rolling.clock.now_s(), rolling.body.axle[1]
+            for _ in range(60):
+                robot.drive(200.0, 0.0)
+                rolling.clock.sleep_s(0.05)
+                robot.poll()
+        x, end_z, heading = rolling.body.axle
+        assert end_z - z == pytest.approx(20 * (rolling.clock.now_s() - begin_s), rel=0.12)
+        ends.append((x, end_z, heading))
     assert ends[0] == ends[1]
