@@ -25,16 +25,18 @@ from host.nav.watch import FrameWatch
 
 PICTURE_S = 0.07  # without a new picture for this long the wheels are steered on by the last one
 UNDERSTAND_S = 0.12  # longest time to understand one; with the above it is less than the robot's dead-man
-FRESH_PICTURES = 2  # that must be good again, one after the other, before the robot moves
+FRESH_PICTURES = 3  # that must be good again, one after the other, until the robot moves with the last
 BLIND_S = 10.0  # no picture to drive on for this long ends the drive
 LISTEN_S = 0.005
 AWHILE_S = 60.0  # within which
 FAULTS_ALLOWED = 5  # a robot that stops itself more often has a reason
 RECONNECTIONS_ALLOWED = 5  # and so has a line that is lost more often
 SLIPS_ALLOWED = 5  # or one that slips or is carried about
-TRY_AGAIN_S = 2.0  # after a stall, which may be a hand that held a wheel
+CALM_S = 1.5  # without anything strange before moving again; each time so much more
+TRY_AGAIN_S = 2.0  # after a wheel did not turn
 CLEARS_IN_S = 0.1  # from clearing a fault until telemetry shows it
-CURABLE = (Fault.LINK_LOST, Fault.STALL)  # faults whose cause may be gone by itself
+HELD = (Fault.STALL, Fault.ENCODER_DEAD)  # what a wheel that is held looks like
+HOLDS_ALLOWED = 3
 
 
 class _Ended(Exception):
@@ -139,8 +141,10 @@ class _Trip:
         self.last_seq: int | None = None
         self.under_way = False  # the wheels do what was made of the last picture
         self.fresh_wanted = 0  # pictures to look at before moving again
+        self.calm_s = -math.inf  # and not before this
         self.cleared_s = -math.inf
         self.faults = _Often(FAULTS_ALLOWED)
+        self.holds = _Often(HOLDS_ALLOWED)
         self.losses = _Often(RECONNECTIONS_ALLOWED)
         self.slips = _Often(SLIPS_ALLOWED)
 
@@ -170,9 +174,9 @@ class _Trip:
             self._forget(doubt)
             return
         command = view.command
-        if self.fresh_wanted > 0 and command.outcome is None and not command.hands_off:
-            self.fresh_wanted -= 1
-            command = Command(0.0, 0.0, "stop: looking again before going on")
+        waiting = self._waiting_for(now_s)
+        if waiting is not None and command.outcome is None and not command.hands_off:
+            command = Command(0.0, 0.0, f"stop: {waiting}")
             view = replace(view, command=command)
         self._obey(command)
         self.log.latency_ms.add(1e3 * (self.clock.now_s() - frame.t_s))
@@ -257,17 +261,23 @@ class _Trip:
         if latest is None or latest.state != State.FAULT or now_s - self.cleared_s < CLEARS_IN_S:
             return
         why = f"the robot stopped itself: {latest.fault.name.lower().replace('_', ' ')}"
-        if latest.fault not in CURABLE or self.faults.too_often(now_s):
+        if latest.fault in HELD:
+            often = self.holds.too_often(now_s)
+        else:
+            often = latest.fault != Fault.LINK_LOST or self.faults.too_often(now_s)
+        if often:
             raise _Ended("stopped", why, EXIT_SAFETY)
         self.log.faults_cleared += 1
-        if latest.fault == Fault.STALL:
+        if latest.fault in HELD:
             self._wait_out(why)
         self.robot.clear()
         self.cleared_s = self.clock.now_s()
 
     def _wait_out(self, why: str) -> None:
         self._stand()
-        self.log.decide(self.clock.now_s() - self.begin_s, 0.0, 0.0, f"stop: {why}; trying again")
+        self.log.decide(
+            self.clock.now_s() - self.begin_s, 0.0, 0.0, f"stop: {why}; is a wheel held? Trying again"
+        )
         until_s = self.clock.now_s() + TRY_AGAIN_S
         while self.clock.now_s() < until_s:
             self.clock.sleep_s(LISTEN_S)
@@ -309,6 +319,13 @@ class _Trip:
         self.under_way = False
         self.fresh_wanted = FRESH_PICTURES
 
+    def _waiting_for(self, now_s: float) -> str | None:
+        """Why not to move yet, though this picture may be driven on."""
+        self.fresh_wanted = max(0, self.fresh_wanted - 1)
+        if now_s < self.calm_s:
+            return f"waiting for {CALM_S:g} s or more in which nothing strange happens"
+        return "looking again before going on" if self.fresh_wanted > 0 else None
+
     def _refuse(self, frame: Frame | None, objection: str) -> None:
         """Stand still; after a while of this give up."""
         self._stand()
@@ -323,6 +340,7 @@ class _Trip:
         """The robot is not where its wheels say, and nothing stands where it is remembered."""
         if self.slips.too_often(self.clock.now_s()):
             raise _Ended("stopped", f"more than {SLIPS_ALLOWED} times in {AWHILE_S:g} s: {why}", EXIT_SAFETY)
+        self.calm_s = self.clock.now_s() + CALM_S * self.slips.lately(self.clock.now_s())
         self.pilot.forget()
         self.wheels.forget()
         self.log.times_forgotten += 1
@@ -348,6 +366,10 @@ class _Often:
     def too_often(self, now_s: float) -> bool:
         """Whether it happened as often as allowed in the last while already; this one is counted."""
         times = self._times_s
-        often = len(times) == times.maxlen and now_s - times[0] < AWHILE_S
+        often = self.lately(now_s) == times.maxlen
         times.append(now_s)
         return often
+
+    def lately(self, now_s: float) -> int:
+        """How often in the last while."""
+        return sum(now_s - time_s < AWHILE_S for time_s in self._times_s)

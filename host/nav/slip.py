@@ -1,9 +1,10 @@
 """Do the pictures move as the wheels do? Where they do not, the wheels slip, or the robot is carried about.
 
-Points whose depth is known, corners of the net and ends of whole regions, are followed from a picture of a
-moment ago to the present one, and to where they would be had the robot moved as its wheels did. The share of
-the expected way that they really went tells slipping; ways that nobody expected tell a robot that is pushed
-or lifted. One that was put elsewhere between two pictures is told by regions that are no longer there.
+Points whose depth is known, corners of the net and ends of whole regions, are looked for in a picture of a
+moment later: where they would be had the robot moved as its wheels did, and where they were. Edges that are
+still where they were tell slipping; points that went ways nobody expected tell a robot that is pushed or
+lifted. One that was put elsewhere between two pictures is told by regions that are no longer there, or by a
+picture that changed as a whole while the wheels stood.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import math
 from collections import deque
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
 from host.camera.lens import Lens
@@ -19,19 +21,30 @@ from host.nav.odometry import heading_of
 from host.nav.pilot import View
 from host.nav.steer import wrap
 from host.pose import Pose
-from host.rbdn import Region
+from host.rbdn import Contour, Region
 
 LEAST_POINTS = 6
-LEAST_PX = 4.0  # expected way from which its share can be told
+LEAST_PX = 4.0  # expected way from which slipping can be told
 SIGMAS = 6.0  # and it must be this much longer than what the heading by the wheels may be off by
-SLIPS_BELOW = 0.4  # share of the expected way
+SLIPS_BELOW = 0.5  # share of the expected way, of points that are known by name
+SHARE_SIGMA = 0.12  # how well it must be known
+POINT_PX = 1.0  # standard error of a point's way
+NOD_PX = 2.0  # and of the camera's pitch
+OFF_PX = 2.0  # points that are on the mean so far from any edge are not where they should be,
+STILL_SHARE = 0.4  # and where they were they are nearer to one by this factor
+FAR_PX = 8.0
 STRANGE_PX = 10.0  # ways that differ by more than this from what is expected,
 RECENT = 4  # and by more than any way expected in so many pictures, are no error of the wheels or of times
 SAME_SHARE = 0.7  # of the picture shows the same regions as the last one; less is another place
 SAME_LEVELS = 20.0  # a region's colour changes by less, 0 to 255
+SMALL = (32, 24)  # parts of the picture that are compared as a whole
+MEAN_LEVEL = 100.0
+OTHER_LEVELS = 10.0  # change of a part in brightness that shows something else
+OTHER_SHARE = 0.25  # of all parts
+STILL_PX, STILL_CM = 2.0, 0.5  # motion by the wheels from picture to picture that changes no part as a whole
 TURN_COSTS = 2.0  # times the part of the picture that a turn brings in may be new
 TURN_ONLY_CM = 1.0  # less travel than this does not show in a picture
-WINDOW_S = 1.0  # a picture further back is no moment ago
+WINDOW_S = 1.5  # a picture further back is no moment ago
 
 
 @dataclass(frozen=True)
@@ -74,18 +87,26 @@ class _Ways:
     def expected_px(self) -> float:
         return float(np.median(np.hypot(*self.expected.T)))
 
+    def share(self, heading_px: float) -> tuple[float, float]:
+        """Of the expected way that was gone, and its standard error.
+
+        A shift of the whole picture by a wrong heading or a nod of the camera is solved for beside it.
+        """
+        count = len(self.found)
+        design = np.zeros((2 * count, 3))
+        design[:, 0] = self.expected.ravel()
+        design[::2, 1] = design[1::2, 2] = 1.0
+        found, weight = self.found.ravel(), np.ones(2 * count)
+        prior = np.diag([0.0, 1 / max(heading_px, POINT_PX) ** 2, 1 / NOD_PX**2])
+        for _ in range(4):
+            normal = (design * weight[:, None]).T @ design / POINT_PX**2 + prior + 1e-9 * np.eye(3)
+            solved = np.linalg.solve(normal, design.T @ (weight * found) / POINT_PX**2)
+            weight = 1 / (1 + ((found - design @ solved) / (2 * POINT_PX)) ** 2)  # a few may go astray
+        return float(solved[0]), math.sqrt(float(np.linalg.inv(normal)[0, 0]))
+
     @property
     def strange_px(self) -> float:
         return float(np.median(np.hypot(*(self.found - self.expected).T)))
-
-    @property
-    def share(self) -> float:
-        """Of the expected way that was gone; the median, each point weighing as much as its way."""
-        length = np.hypot(*self.expected.T)
-        shares = (self.found * self.expected).sum(axis=1) / np.maximum(length, 1e-9) ** 2
-        order = np.argsort(shares)
-        weight = np.cumsum(length[order])
-        return float(shares[order][np.searchsorted(weight, weight[-1] / 2)])
 
 
 class WheelWatch:
@@ -95,12 +116,13 @@ class WheelWatch:
         self._lens = lens
         self._from: _Points | None = None  # where ways begin
         self._last: _Points | None = None
+        self._small: np.ndarray | None = None
         self._regions: dict[int, Region] = {}
         self._expected_px: deque[float] = deque(maxlen=RECENT)
 
     def forget(self) -> None:
         """Begin anew with the next picture."""
-        self._from = self._last = None
+        self._from = self._last = self._small = None
         self._regions = {}
 
     def doubt(self, view: View) -> str | None:
@@ -114,8 +136,9 @@ class WheelWatch:
             self._from = now
             return None
         found = self._elsewhere(before, regions, last.pose, now.pose)
+        found = found or self._other(view.frame.image, last.pose, now.pose)
         found = found or self._strange(ways_between(last, now, self._lens), last, now)
-        return found or self._slips(ways_between(begin, now, self._lens), begin, now)
+        return found or self._slips(begin, now, view.snapshot.contour)
 
     def _elsewhere(
         self, before: dict[int, Region], regions: dict[int, Region], last: Pose, now: Pose
@@ -132,6 +155,21 @@ class WheelWatch:
             "explain; carried away, or the camera was hit"
         )
 
+    def _other(self, image: np.ndarray, last: Pose, now: Pose) -> str | None:
+        small = cv2.cvtColor(cv2.resize(image, SMALL, interpolation=cv2.INTER_AREA), cv2.COLOR_BGR2GRAY)
+        levels = small * (MEAN_LEVEL / max(float(small.mean()), 1.0))  # whatever the exposure
+        before, self._small = self._small, levels
+        turned_px = abs(wrap(heading_of(now) - heading_of(last))) * self._lens.fx
+        if before is None or turned_px > STILL_PX or math.dist(last.position_cm, now.position_cm) > STILL_CM:
+            return None
+        share = float((np.abs(levels - before) > OTHER_LEVELS).mean())
+        if share < OTHER_SHARE:
+            return None
+        return (
+            f"picture shows another place: {100 * share:.0f} % of it changed at once while the wheels stood; "
+            "lifted and put elsewhere, or the camera was hit"
+        )
+
     def _strange(self, ways: _Ways, last: _Points, now: _Points) -> str | None:
         if len(ways.found) < LEAST_POINTS:
             return None
@@ -141,38 +179,69 @@ class WheelWatch:
             return None
         return f"picture moved {ways.strange_px:.0f} px otherwise than the wheels: pushed, lifted or slipping"
 
-    def _slips(self, ways: _Ways, begin: _Points, now: _Points) -> str | None:
-        if len(ways.found) < LEAST_POINTS:
+    def _slips(self, begin: _Points, now: _Points, contour: Contour) -> str | None:
+        """Are points, or at least the edges, where they were and not where the wheels would have them?"""
+        ways = ways_between(begin, now, self._lens)
+        heading_px = self._heading_px(begin, now)
+        if len(ways.found) >= LEAST_POINTS:
+            share, sigma = ways.share(heading_px)
+            if sigma > SHARE_SIGMA:
+                return None
+            self._from = now
+            if share + 3 * sigma > SLIPS_BELOW:
+                return None
+            return f"wheels slip: of the way they count the picture shows {100 * max(0.0, share):.0f} %"
+        inside, rays = aims_of(begin, now.pose, self._lens)
+        if inside.sum() < LEAST_POINTS:
             self._from = now
             return None
-        if ways.expected_px < max(LEAST_PX, SIGMAS * self._heading_px(begin, now)):
+        scale = (self._lens.fx, self._lens.fy)
+        expected_px = float(np.median(np.hypot(*((rays - begin.rays)[inside] * scale).T)))
+        if expected_px < max(LEAST_PX, SIGMAS * heading_px):
             return None
         self._from = now
-        share = ways.share
-        if share >= SLIPS_BELOW:
+        by_wheels = distances_px(self._lens.to_pixels(rays[inside]), contour, self._lens)
+        standing = distances_px(self._lens.to_pixels(begin.rays[inside]), contour, self._lens)
+        if by_wheels.mean() < OFF_PX or standing.mean() > STILL_SHARE * by_wheels.mean():
             return None
-        return f"wheels slip: of the way they count the picture shows {100 * max(0.0, share):.0f} %"
+        return f"wheels slip: edges have not moved where {expected_px:.0f} px were due"
 
     def _heading_px(self, a: _Points, b: _Points) -> float:
         return self._lens.fx * math.hypot(a.pose.sigma_rot_rad, b.pose.sigma_rot_rad)
 
 
-def ways_between(a: _Points, b: _Points, lens: Lens) -> _Ways:
-    """How the points seen in both pictures moved, and how they had to by the wheels."""
-    shift = a.pose.position_cm - b.pose.position_cm
+def aims_of(a: _Points, pose: Pose, lens: Lens) -> tuple[np.ndarray, np.ndarray]:
+    """Which points of one picture can be seen from a pose, (N,) bool, and at which rays there, (N, 2)."""
+    shift = a.pose.position_cm - pose.position_cm
     points = a.xyz_cm.copy()
     if float(np.linalg.norm(shift)) < TURN_ONLY_CM:  # how far away things are hardly matters then
         unknown = ~np.isfinite(points[:, 2])
         points[unknown] = 1e4 * np.column_stack([a.rays[unknown], np.ones(unknown.sum())])
-    there = (points @ a.pose.rotation.T + shift) @ b.pose.rotation
+    there = (points @ a.pose.rotation.T + shift) @ pose.rotation
     with np.errstate(invalid="ignore", divide="ignore"):
         rays = there[:, :2] / there[:, 2:]
         aim = rays * (lens.fx, lens.fy) + (lens.cx, lens.cy)
         size = (lens.width - 1.0, lens.height - 1.0)
         inside = (there[:, 2] > 1.0) & (aim > 0).all(axis=1) & (aim < size).all(axis=1)
+    return inside, rays
+
+
+def ways_between(a: _Points, b: _Points, lens: Lens) -> _Ways:
+    """How the points known in both pictures moved, and how they had to by the wheels."""
+    inside, rays = aims_of(a, b.pose, lens)
     _, at_a, at_b = np.intersect1d(a.ids[inside], b.ids, assume_unique=True, return_indices=True)
     begin, scale = a.rays[inside][at_a], (lens.fx, lens.fy)
     return _Ways((rays[inside][at_a] - begin) * scale, (b.rays[at_b] - begin) * scale)
+
+
+def distances_px(pixels: np.ndarray, contour: Contour, lens: Lens) -> np.ndarray:
+    """From points of the picture (N, 2) to the nearest edge, px, at most FAR_PX."""
+    empty = np.ones((lens.height, lens.width), np.uint8)
+    at = np.clip(np.rint(contour.xy_px), 0, (lens.width - 1, lens.height - 1)).astype(int)
+    empty[at[:, 1], at[:, 0]] = 0
+    far = cv2.distanceTransform(empty, cv2.DIST_L2, 3)
+    at = np.clip(np.rint(pixels), 0, (lens.width - 1, lens.height - 1)).astype(int)
+    return np.minimum(far[at[:, 1], at[:, 0]], FAR_PX)
 
 
 def same_px(before: dict[int, Region], now: dict[int, Region]) -> float:

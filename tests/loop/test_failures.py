@@ -1,0 +1,140 @@
+"""Whole drives in which something fails for a while: it stands, says why, and goes on when it is over."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import pytest
+from driving import run, stands
+
+from host.errors import EXIT_SAFETY
+from host.nav.result import DriveLog
+from host.sim.camera_faults import CameraFault, FaultyCamera
+from host.sim.session import Simulation
+
+FROM_S, UNTIL_S = 3.0, 5.0
+STOPS_WITHIN_CM = 8.0  # at 20 cm/s: 0.2 s and the braking
+
+
+class Watched:
+    """A simulation whose robot somebody does something to, and who looks where its wheels roll."""
+
+    def __init__(self, uri: str, at: dict | None = None):
+        self.simulation = Simulation(uri)
+        self._todo = dict(at or {})
+        self.way: list[tuple[float, float, float, float]] = []  # time, x, z, fastest wheel
+        self.lens = self.simulation.camera.lens
+
+    def read(self, timeout_s: float):
+        """A camera in between, called all the time."""
+        now_s, body = self.simulation.clock.now_s(), self.simulation.body
+        self.way.append((now_s, *body.axle[:2], max(map(abs, body.wheel_speeds_cm_s))))
+        for time_s in [t for t in self._todo if now_s >= t]:
+            self._todo.pop(time_s)(body)
+        return self.simulation.camera.read(timeout_s)
+
+    def close(self) -> None: ...
+
+    def went_cm(self, from_s: float, until_s: float) -> float:
+        places = [(x, z) for t, x, z, _ in self.way if from_s <= t <= until_s]
+        return sum(math.dist(a, b) for a, b in pairwise(places))
+
+    def wheels_stood(self, from_s: float, until_s: float) -> bool:
+        return all(speed < 0.5 for t, _, _, speed in self.way if from_s <= t <= until_s)
+
+
+def said(log: DriveLog, words: str) -> bool:
+    return any(words in decision.reason and decision.stands for decision in log.decisions)
+
+
+@pytest.mark.parametrize(
+    ("kind", "words"),
+    [
+        ("black", "black"),
+        ("white", "one even colour"),
+        ("blurred", "blurred"),
+        ("frozen", "has not changed"),
+        ("repeating", "was seen before"),
+        ("late", "ms old"),
+        ("silent", "no picture for"),
+        ("gone", "stopped delivering"),
+    ],
+)
+def test_a_camera_that_fails_for_two_seconds_stops_the_robot_for_as_long(kind, words):
+    watched = Watched("sim:room?seed=3")
+    faulty = FaultyCamera(watched, watched.simulation.clock, [CameraFault(kind, FROM_S, UNTIL_S)])
+    log, _ = run(watched.simulation, camera=faulty, max_time_s=UNTIL_S + 3.0)
+    assert log.outcome == "timeout", log.reason
+    assert said(log, words), [d.reason for d in log.decisions]
+    print(f"\n{kind}: went on for {watched.went_cm(FROM_S, UNTIL_S):.1f} cm")
+    assert watched.went_cm(FROM_S, UNTIL_S) < STOPS_WITHIN_CM
+    assert watched.wheels_stood(FROM_S + 1.0, UNTIL_S)
+    assert watched.went_cm(UNTIL_S + 0.5, math.inf) > 8.0
+    assert watched.simulation.body.collisions == 0
+    assert stands(watched.simulation)
+
+
+def test_light_that_is_switched_off_twice_is_waited_for():
+    watched = Watched("sim:room?seed=3")
+    faults = [CameraFault("black", 2.5, 4.0), CameraFault("black", 5.0, 8.0)]
+    faulty = FaultyCamera(watched, watched.simulation.clock, faults)
+    log, _ = run(watched.simulation, camera=faulty, max_time_s=11.0)
+    assert log.outcome == "timeout" and said(log, "no light")
+    assert watched.wheels_stood(3.2, 4.0) and watched.wheels_stood(5.7, 8.0)
+    assert watched.went_cm(4.0, 5.0) > 2.0 and watched.went_cm(8.0, 11.0) > 8.0
+    assert (log.times_forgotten, watched.simulation.body.collisions) == (0, 0)
+
+
+@pytest.mark.parametrize(("left", "right"), [(1.0, 1.0), (0.0, 1.0)], ids=["both wheels", "one wheel"])
+def test_wheels_that_slip_are_found_out_by_the_picture(left, right):
+    watched = Watched("sim:room?seed=3", {FROM_S: lambda body: body.slip(left, right, 2.0)})
+    log, _ = run(watched.simulation, camera=watched, max_time_s=12.0)
+    assert log.outcome == "timeout", log.reason
+    assert said(log, "slip"), [d.reason for d in log.decisions]
+    assert log.times_forgotten >= 1
+    assert watched.went_cm(6.5, 12.0) > 8.0
+    assert watched.simulation.body.collisions == 0
+    assert stands(watched.simulation)
+
+
+def test_a_robot_that_is_lifted_and_put_elsewhere_stands_forgets_and_goes_on():
+    watched = Watched("sim:room?seed=3")
+    x, z, heading = watched.simulation.body.axle
+    watched._todo = {FROM_S: lambda body: body.lift(), 4.4: lambda body: body.put_down(x, z, heading + 0.6)}
+    log, _ = run(watched.simulation, camera=watched, max_time_s=14.0)
+    assert log.outcome in ("timeout", "goal"), log.reason
+    assert said(log, "lifted") or said(log, "carried away"), [d.reason for d in log.decisions]
+    assert log.times_forgotten >= 1
+    assert watched.wheels_stood(FROM_S + 0.9, 5.0)  # also a while after it was put down
+    assert watched.went_cm(8.0, 14.0) > 8.0
+    assert watched.simulation.body.collisions == 0
+    assert stands(watched.simulation)
+
+
+def hold(body, for_s: float) -> None:
+    """A hand on the left wheel."""
+    roll, until_us = body._left.roll, body.time_us + round(1e6 * for_s)
+
+    def held(duty: float, voltage: float, start_us: int) -> float:
+        if start_us >= until_us:
+            return roll(duty, voltage, start_us)
+        body._left.speed_cm_s = 0.0
+        return 0.0
+
+    body._left.roll = held
+
+
+@pytest.mark.parametrize(("for_s", "goes_on"), [(2.0, True), (1000.0, False)])
+def test_a_wheel_that_is_blocked_stops_the_robot_until_it_is_free(for_s, goes_on):
+    watched = Watched("sim:room?seed=3", {FROM_S: lambda body: hold(body, for_s)})
+    log, code = run(watched.simulation, camera=watched, max_time_s=12.0 if goes_on else 60.0)
+    assert said(log, "is a wheel held"), [d.reason for d in log.decisions]
+    assert watched.simulation.body.collisions == 0
+    if goes_on:
+        assert log.outcome == "timeout", log.reason
+        assert watched.went_cm(7.0, 12.0) > 8.0
+    else:
+        assert (log.outcome, code) == ("stopped", EXIT_SAFETY)
+        assert "stopped itself" in log.reason
+    assert stands(watched.simulation)
