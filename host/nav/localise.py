@@ -24,8 +24,8 @@ from host.rbdn.snapshot import Snapshot
 X, Z, HEADING, RATIO, TRACK = range(5)  # the robot's part of the state; landmarks follow, x and z each
 OWN = 5
 
-RATIO_SIGMA = 0.02  # by which one wheel may be larger than the other, unless calibrated
-TRACK_SIGMA = 0.03  # by which the wheels may be further apart, as seen by turning
+RATIO_SIGMA = 0.015  # by which one wheel may be larger than the other, unless calibrated
+TRACK_SIGMA = 0.02  # by which the wheels may be further apart, as seen by turning
 WAY_NOISE = 0.01  # cm per root cm: what wheels on a floor do beyond their sizes
 TURN_NOISE = 3e-4  # rad per root cm
 TURN_SHARE = 0.005  # of a turn, from frame to frame
@@ -44,6 +44,14 @@ NEAREST_CM = 5.0
 STRIKES = 6  # so many sightings in a row elsewhere, and it does not
 LEAST_NEAR = 1 / 450.0  # 1/cm: what is further away says too little
 WRAP = 2 * math.pi
+
+# a place found again from landmarks alone, wherever the robot may be
+SURELY_SEEN = 6  # sightings of each
+APART_CM = 30.0  # landmarks nearer to each other tell no direction
+FITS_CM, FITS_SHARE = 8.0, 0.1  # by which they may lie otherwise to each other than they did
+FOUND_CM, FOUND_RAD = 6.0, 0.06  # standard errors of the place then
+KEPT_CM = 8.0  # and of the other landmarks
+ENOUGH = 4  # a thing counts 2, an edge 1
 
 
 @dataclass
@@ -100,8 +108,15 @@ class Localiser:
         self._since_cm = self._since_rad = math.inf  # since the last correction
         self._turn_rate = 0.0
         self.corrections = 0
+        self._before: list[tuple[Landmark, np.ndarray]] = []  # landmarks of a frame that was lost, places
+        self.jump_cm = 0.0  # by how much the last update moved the robot on the map; 100 for a radian
 
     # ---- asking ----
+
+    @property
+    def astray(self) -> bool:
+        """The robot was put elsewhere, and has not found yet where; poses go on from where it was before."""
+        return bool(self._before)
 
     @property
     def wheel_ratio(self) -> tuple[float, float]:
@@ -191,12 +206,14 @@ class Localiser:
 
     def update(self, snapshot: Snapshot, report: DepthReport) -> Pose:
         """Take in what was made of the frame last moved to; the camera's pose on the map."""
+        self.jump_cm = 0.0
         known = {r for r, d in report.regions.items() if d.moving}
         if known:
             self._refuse(known)
         if self._since_cm < STEP_CM and self._since_rad < STEP_RAD:
             return self.pose()
         self._since_cm = self._since_rad = 0.0
+        x, z, heading = self._mean[:RATIO]
         t_s = self._odometry.t_s if self._odometry else 0.0
         seen = sightings_of(snapshot, report, self._lens, self._body.camera_height_cm)
         seen = [s for s in seen if s.near > LEAST_NEAR and not self._refused.intersection(_regions(s.key))]
@@ -208,7 +225,64 @@ class Localiser:
         if matched:
             self._correct(matched, t_s)
         self._begin(new, t_s, here)
+        if self.astray:
+            self._find_again()
+        now_x, now_z, now_heading = self._mean[:RATIO]
+        self.jump_cm = math.hypot(now_x - x, now_z - z) + 100 * abs(now_heading - heading)
         return self.pose()
+
+    def lose_place(self) -> None:
+        """The robot is elsewhere than the wheels say: what was known becomes a place to be found again."""
+        if not self._before:
+            places = [self.landmark_cm(row) for row in range(len(self.landmarks))]
+            known = zip(self.landmarks, places, strict=True)
+            self._before = [(mark, place) for mark, place in known if mark.seen >= SURELY_SEEN]
+        self.landmarks = []
+        self._candidates, self._refused = {}, set()
+        self._mean = self._mean[:OWN].copy()
+        learnt = self._cov[RATIO:OWN, RATIO:OWN]
+        self._cov = np.zeros((OWN, OWN))
+        self._cov[RATIO:, RATIO:] = learnt
+
+    def _find_again(self) -> None:
+        """Landmarks seen now that are known from before, and lie to each other as they did, tell where."""
+        rows = [row for row, mark in enumerate(self.landmarks) if mark.seen >= SURELY_SEEN]
+        unlike = np.array([
+            [self.landmarks[row].look.unlike(mark.look) for mark, _ in self._before] for row in rows
+        ]).reshape(len(rows), len(self._before))  # fmt: skip
+        pairs = [(rows[i], k) for i, k in recognise(unlike).items()]
+        now = np.array([self.landmark_cm(row) for row, _ in pairs]).reshape(-1, 2)
+        then = np.array([self._before[k][1] for _, k in pairs]).reshape(-1, 2)
+        worth = np.array([1 if isinstance(self.landmarks[row].key, tuple) else 2 for row, _ in pairs])
+        fits = _fitting(now, then)
+        if worth[fits].sum() < ENOUGH:
+            return
+        self._change_frame(now[fits], then[fits])
+        gone = {k for _, k in pairs}
+        for k, (mark, place) in enumerate(self._before):
+            if k not in gone and len(self.landmarks) < LANDMARKS:
+                self._append(place, KEPT_CM**2 * np.eye(2), np.zeros((2, len(self._mean))))
+                mark.key, mark.strikes = None, 0
+                self.landmarks.append(mark)
+        self._before = []
+
+    def _change_frame(self, now: np.ndarray, then: np.ndarray) -> None:
+        """Turn and shift everything so that places (N, 2) come to lie on others."""
+        turn, middle, target = _turn_between(now, then)
+        n, m = len(self._mean), self._mean
+        c, s = math.cos(turn), math.sin(turn)
+        rotate = np.array([[c, s], [-s, c]])  # of (x, z); headings grow from z towards x
+        whole = np.eye(n)
+        by_turn = np.zeros((n, 3))  # by x, z and turn of the frame
+        for at in (X, *range(OWN, n, 2)):
+            m[at : at + 2] = target + rotate @ (m[at : at + 2] - middle)
+            whole[at : at + 2, at : at + 2] = rotate
+            dx, dz = m[at : at + 2] - target
+            by_turn[at], by_turn[at + 1] = (1.0, 0.0, dz), (0.0, 1.0, -dx)
+        m[HEADING] += turn
+        by_turn[HEADING, 2] = 1.0
+        frame = np.diag([FOUND_CM**2, FOUND_CM**2, FOUND_RAD**2])
+        self._cov = whole @ self._cov @ whole.T + by_turn @ frame @ by_turn.T
 
     def _refuse(self, regions: set[int]) -> None:
         """What moves by itself is no landmark."""
@@ -352,21 +426,50 @@ class Localiser:
             [depth * cosine, -depth * depth * (sine + u * cosine)],
             [-depth * sine, -depth * depth * (cosine - u * sine)],
         ])  # fmt: skip
-        cov = np.empty((n + 2, n + 2))
-        cov[:n, :n] = self._cov
-        cov[n:, :n] = by_own @ self._cov
-        cov[:n, n:] = cov[n:, :n].T
+        shared = by_own @ self._cov
         own = np.diag([self._noise(sighting)[0], sighting.sigma_near**2])
-        cov[n:, n:] = cov[n:, :n] @ by_own.T + by_seen @ own @ by_seen.T
-        self._mean, self._cov = np.append(m, (x, z)), cov
+        self._append(np.array([x, z]), shared @ by_own.T + by_seen @ own @ by_seen.T, shared)
         self._numbers += 1
         self.landmarks.append(Landmark(self._numbers, sighting.look, sighting.key, t_s))
+
+    def _append(self, place_cm: np.ndarray, own: np.ndarray, shared: np.ndarray) -> None:
+        """Add a place to the state: its covariance (2, 2) and what it shares with the rest (2, N)."""
+        n = len(self._mean)
+        cov = np.empty((n + 2, n + 2))
+        cov[:n, :n], cov[n:, :n], cov[:n, n:], cov[n:, n:] = self._cov, shared, shared.T, own
+        self._mean, self._cov = np.append(self._mean, place_cm), cov
 
     def _forget(self, index: int) -> None:
         gone = [OWN + 2 * index, OWN + 2 * index + 1]
         self._mean = np.delete(self._mean, gone)
         self._cov = np.delete(np.delete(self._cov, gone, axis=0), gone, axis=1)
         del self.landmarks[index]
+
+
+def _fitting(now: np.ndarray, then: np.ndarray) -> np.ndarray:
+    """(N,) bool, the most places that lie to each other as others do; none where no two of them do."""
+    best = np.zeros(len(now), bool)
+    for i in range(len(now)):
+        for k in range(i):
+            length, before = np.linalg.norm(now[i] - now[k]), np.linalg.norm(then[i] - then[k])
+            if min(length, before) < APART_CM or abs(length - before) > FITS_CM + FITS_SHARE * before:
+                continue
+            turn, middle, target = _turn_between(now[[i, k]], then[[i, k]])
+            c, s = math.cos(turn), math.sin(turn)
+            moved = target + (now - middle) @ np.array([[c, s], [-s, c]]).T
+            off = np.linalg.norm(moved - then, axis=1)
+            fits = off < FITS_CM + FITS_SHARE * np.linalg.norm(then - target, axis=1)
+            if fits.sum() > best.sum():
+                best = fits
+    return best
+
+
+def _turn_between(now: np.ndarray, then: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+    """Turn, rad to the right, and middles (2,) of places (N, 2) before and after; least squares."""
+    middle, target = now.mean(axis=0), then.mean(axis=0)
+    a, b = now - middle, then - target
+    turn = math.atan2(float((a[:, 1] * b[:, 0] - a[:, 0] * b[:, 1]).sum()), float((a * b).sum()))
+    return turn, middle, target
 
 
 def _regions(key: Key) -> tuple[int, ...]:

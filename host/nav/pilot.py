@@ -16,6 +16,7 @@ from host.depth.config import DepthConfig
 from host.depth.estimator import Estimator
 from host.depth.report import DepthReport
 from host.nav.config import BodyConfig, NavConfig
+from host.nav.delay import Delay
 from host.nav.localise import Localiser
 from host.nav.map import ObstacleMap
 from host.nav.odometry import Odometry
@@ -23,6 +24,9 @@ from host.nav.steer import Command, body_of
 from host.nav.task import Task
 from host.pose import Pose
 from host.rbdn import Net, NetConfig, Snapshot
+
+FADE_CM = 20.0  # a correction of the pose by so much leaves 1/e of the map's evidence
+NEW_MAP_CM = 60.0  # and after one by so much nothing is where it was
 
 
 @dataclass(frozen=True)
@@ -36,6 +40,7 @@ class View:
     depths: DepthReport
     command: Command
     stage_ms: dict[str, float]  # real time by stage: net, depth, localise, map, steer
+    smooth: Pose  # in a frame that never jumps: for comparing this frame with those shortly before
 
 
 class Stages:
@@ -68,6 +73,7 @@ class Pilot:
         nav: NavConfig,
     ) -> None:
         self.odometry = Odometry(body)
+        self.delay = Delay()
         self.localiser = Localiser(body, lens)
         self.map = ObstacleMap(body, nav)
         self._lens, self._task, self._body = lens, task, body
@@ -79,7 +85,7 @@ class Pilot:
     def take(self, frame: Frame, now_s: float) -> View:
         """Make a command of one frame; the decision is for ``now_s``, when the robot is further on."""
         stages = Stages()
-        odometry = self.odometry.pose_at(frame.t_s)
+        odometry = self.odometry.pose_at(self.delay.exposed_s(frame.t_s))
         with stages.of("localise"):
             smooth = self.localiser.move(odometry)
         with stages.of("net"):
@@ -87,7 +93,9 @@ class Pilot:
         with stages.of("depth"):
             depths = self._depth.update(snapshot, smooth)
         with stages.of("localise"):
+            self.delay.learn(frame.t_s, smooth, depths.motion, self.odometry)
             pose = self.localiser.update(snapshot, depths)
+            self._move_map()
             here = self.localiser.ahead_of(self.odometry.pose_at(now_s))
         with stages.of("map"):
             x, z, _ = body_of(here, self._body.camera_ahead_cm)
@@ -95,7 +103,7 @@ class Pilot:
             self.map.update(snapshot, depths, pose, self._lens)
         with stages.of("steer"):
             command = self._task.decide(self.map, here)
-        return View(frame, pose, odometry, snapshot, depths, command, stages.ms)
+        return View(frame, pose, odometry, snapshot, depths, command, stages.ms, smooth)
 
     def decide(self, now_s: float) -> Command:
         """The command for ``now_s`` without a new frame: the robot is further on, the map as it was."""
@@ -113,6 +121,15 @@ class Pilot:
         self._net = Net(net, self._lens)
         self._depth = Estimator(self._lens, depth)
         self._last_rotation = None
+        self.localiser.lose_place()
+
+    def _move_map(self) -> None:
+        """What was remembered relative to a place that turns out to be another is worth less, or nothing."""
+        jump_cm = self.localiser.jump_cm
+        if jump_cm > NEW_MAP_CM:
+            self.map = ObstacleMap(self._body, self.map.config)
+        elif jump_cm > self.map.config.cell_cm:
+            self.map.evidence *= math.exp(-jump_cm / FADE_CM)
 
     def _turned(self, pose: Pose) -> np.ndarray | None:
         """Rotation since the last frame, by the wheels."""
