@@ -74,7 +74,6 @@ class Pilot:
     ) -> None:
         self.odometry = Odometry(body)
         self.delay = Delay()
-        self.delay = Delay()
         self.localiser = Localiser(body, lens)
         self.map = ObstacleMap(body, nav)
         self._lens, self._task, self._body = lens, task, body
@@ -94,7 +93,6 @@ class Pilot:
         with stages.of("depth"):
             depths = self._depth.update(snapshot, smooth)
         with stages.of("localise"):
-            self.delay.learn(frame.t_s, smooth, depths.motion, self.odometry)
             self.delay.learn(frame.t_s, smooth, depths.motion, self.odometry)
             pose = self.localiser.update(snapshot, depths)
             self._move_map()
