@@ -1,4 +1,8 @@
-"""The cheapest way over the map's grid: A* that keeps off obstacles and rather goes where floor was seen."""
+"""The cheapest way over the map's grid: A* that keeps off obstacles and rather goes where floor was seen.
+
+Blocks of cells are searched first, each standing for the best cell in it; only where the way found so does
+not fit between them the cells themselves are.
+"""
 
 from __future__ import annotations
 
@@ -17,6 +21,8 @@ HASTE = 1.3  # weight of the straight-line distance: fewer cells looked at, ways
 SIDEWAYS = 0.75  # part of the clearance kept from what is passed
 TURN_CM = 50.0  # cells up to here cost more the farther they lie from where the robot looks
 TURN_COST = 2.5  # so much right behind it: a half turn takes as long as a metre ahead
+COARSE = 2  # cells along the side of a block
+LEGS = np.array([0.25, 0.5, 0.75])[:, None, None]  # of a leg from block to block, where it is checked
 STEPS = [(dr, dc, math.hypot(dr, dc)) for dr in (-1, 0, 1) for dc in (-1, 0, 1) if dr or dc]
 
 
@@ -64,17 +70,12 @@ def find_way(
     direction it looks are preferred, or it would turn to and fro before a wide obstacle.
     """
     shut, cost = _terrain(obstacle_map, room, start_cm, heading_rad)
-    start = obstacle_map.cell_of(*start_cm)
-    _, parts = cv2.connectedComponents((~shut).astype(np.uint8), connectivity=8)
-    rows, cols = np.nonzero(parts == parts[start])
-    goal_row, goal_col = obstacle_map.cell_of(*goal_cm)
-    off = np.hypot(rows - goal_row, cols - goal_col)
-    nearest = int(np.argmin(off))
-    reach = obstacle_map.config.goal_tolerance_cm / obstacle_map.config.cell_cm
-    to_goal = bool(off[nearest] <= reach)
-    target = (goal_row, goal_col) if to_goal else (int(rows[nearest]), int(cols[nearest]))
-    cells = _search(shut, cost, start, target, reach if to_goal else 0.0)
-    return Way(tuple(obstacle_map.point_of(*cell) for cell in cells), to_goal)
+    way = _way_over(obstacle_map, shut, cost, start_cm, goal_cm, COARSE)
+    reach = obstacle_map.config.goal_tolerance_cm
+    just_off = not way.to_goal and math.dist(way.points[-1], goal_cm) < 2 * reach
+    if not just_off and _fits(obstacle_map, room, way):
+        return way
+    return _way_over(obstacle_map, shut, cost, start_cm, goal_cm, 1)
 
 
 def _terrain(
@@ -83,30 +84,91 @@ def _terrain(
     """(cells that are shut, cost of entering each cell), both (N, N)."""
     body, config = obstacle_map.body, obstacle_map.config
     hard, comfort = tightest(obstacle_map), config.comfort_cm
-    cost = 1.0 + CROWDED_COST * np.clip((hard + comfort - room.to_filled) / comfort, 0.0, 1.0) ** 2
-    cost[room.to_unseen < body.radius_cm] *= UNKNOWN_COST
     shut = room.to_filled < hard
+    if comfort > 0:
+        crowded = np.clip((hard + comfort - room.to_filled) / np.float32(comfort), 0.0, 1.0)
+        cost = 1.0 + CROWDED_COST * crowded**2
+    else:
+        cost = np.ones_like(room.to_filled)
+    cost[room.to_unseen < body.radius_cm] *= UNKNOWN_COST
+
     start = obstacle_map.cell_of(*start_cm)
-    leave = math.ceil(body.radius_cm / config.cell_cm)
-    rows = slice(max(0, start[0] - leave), start[0] + leave + 1)
-    cols = slice(max(0, start[1] - leave), start[1] + leave + 1)
-    shut[rows, cols] = obstacle_map.occupied[rows, cols]
-    dx = obstacle_map.centres_cm[None, :] - start_cm[0]
-    dz = obstacle_map.centres_cm[:, None] - start_cm[1]
-    aside = np.arccos(np.clip(np.cos(np.arctan2(dx, dz) - heading_rad), -1.0, 1.0))
-    cost += np.where(np.hypot(dx, dz) < TURN_CM, TURN_COST * aside / math.pi, 0.0)
-    cost[rows, cols] += 4.0 * np.clip((hard - room.to_filled[rows, cols]) / hard, 0.0, 1.0)
+    near = _window(obstacle_map, start, TURN_CM)
+    dx = obstacle_map.centres_cm[near[1]][None, :] - start_cm[0]
+    dz = obstacle_map.centres_cm[near[0]][:, None] - start_cm[1]
+    aside = np.abs((np.arctan2(dx, dz) - heading_rad + math.pi) % (2 * math.pi) - math.pi)
+    cost[near] += np.where(np.hypot(dx, dz) < TURN_CM, TURN_COST * aside / math.pi, 0.0)
+
+    here = _window(obstacle_map, start, body.radius_cm)
+    shut[here] = room.to_filled[here] <= 0.0  # the filled cells themselves
+    cost[here] += 4.0 * np.clip((hard - room.to_filled[here]) / hard, 0.0, 1.0)
     shut[start] = False
     return shut, cost
 
 
-def _search(shut: np.ndarray, cost: np.ndarray, start, target, reach: float) -> list[tuple[int, int]]:
-    """Cells from the start to within reach of a target that is known to be connected with it."""
-    side = shut.shape[0] + 2  # a shut rim spares the test for the border
+def _window(obstacle_map: ObstacleMap, cell: tuple[int, int], around_cm: float) -> tuple[slice, slice]:
+    """Rows and columns up to so far from a cell."""
+    n = math.ceil(around_cm / obstacle_map.config.cell_cm)
+    rows, cols = (slice(max(0, k - n), k + n + 1) for k in cell)
+    return rows, cols
+
+
+def _way_over(
+    obstacle_map: ObstacleMap, shut: np.ndarray, cost: np.ndarray, start_cm, goal_cm, block: int
+) -> Way:
+    """The cheapest way over blocks of so many cells a side, each passed in its best cell."""
+    config = obstacle_map.config
+    step = block * config.cell_cm
+    price = np.where(shut, np.float32(np.inf), cost)
+    least = np.minimum.reduce([price[i::block, j::block] for i in range(block) for j in range(block)])
+    opened = np.isfinite(least)
+    middles = obstacle_map.centres_cm.reshape(-1, block).mean(axis=1).astype(np.float32)
+    row, col = obstacle_map.cell_of(*start_cm)
+    start = row // block, col // block
+    _, parts = cv2.connectedComponents(opened.astype(np.uint8), connectivity=8)
+    left = np.hypot(middles[None, :] - goal_cm[0], middles[:, None] - goal_cm[1])
+    reachable = np.where(parts == parts[start], left, np.float32(np.inf))
+    # half a cell of either kind, and the camera, which counts, is ahead of the middle
+    reach = config.goal_tolerance_cm + (config.cell_cm / 2 if block == 1 else 0.0)
+    to_goal = float(reachable.min()) <= reach
+    if not to_goal:
+        r, c = np.unravel_index(int(reachable.argmin()), left.shape)
+        left, reach = np.hypot(middles[None, :] - middles[c], middles[:, None] - middles[r]), 0.0
+    blocks = _search(~opened, least, start, left / step, reach / step)
+    best = [_best_cell(price, at, block) for at in blocks[1:]]
+    return Way(tuple(obstacle_map.point_of(*cell) for cell in [(row, col), *best]), to_goal)
+
+
+def _best_cell(price: np.ndarray, at: tuple[int, int], block: int) -> tuple[int, int]:
+    row, col = block * at[0], block * at[1]
+    best = int(price[row : row + block, col : col + block].argmin())
+    return row + best // block, col + best % block
+
+
+def _fits(obstacle_map: ObstacleMap, room: Room, way: Way) -> bool:
+    """Whether the legs of a way over blocks keep off what is filled; where it begins does not count."""
+    points = np.array(way.points)
+    legs = (points[None, :-1] + LEGS * (points[None, 1:] - points[None, :-1])).reshape(-1, 2)
+    legs = legs[np.hypot(*(legs - points[0]).T) > obstacle_map.body.radius_cm]
+    least = tightest(obstacle_map) - obstacle_map.config.cell_cm / 2
+    return bool((room_at(obstacle_map, room.to_filled, legs) >= least).all())
+
+
+def room_at(obstacle_map: ObstacleMap, distances: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """(K,) of one of a room's distances (N, N) at points (K, 2)."""
+    cells = np.floor((points + obstacle_map.half_cm) / obstacle_map.config.cell_cm).astype(int)
+    cells = np.clip(cells, 0, len(distances) - 1)
+    return distances[cells[:, 1], cells[:, 0]]
+
+
+def _search(
+    shut: np.ndarray, cost: np.ndarray, start: tuple[int, int], left: np.ndarray, reach: float
+) -> list[tuple[int, int]]:
+    """Cells from the start to the first one with no more than `reach` cells `left`, which can be got to."""
+    side = shut.shape[1] + 2  # a shut rim spares the test for the border
     closed = np.pad(shut, 1, constant_values=True).ravel().tolist()
     price = np.pad(cost, 1, constant_values=1.0).ravel().tolist()
-    rows, cols = np.divmod(np.arange(side * side), side)
-    left = np.hypot(rows - 1 - target[0], cols - 1 - target[1])
+    left = np.pad(left, 1, constant_values=np.inf).ravel()
     ahead = (HASTE * left).tolist()
     there = (left <= reach).tolist()
     steps = [(dr * side + dc, length) for dr, dc, length in STEPS]
@@ -132,7 +194,7 @@ def _search(shut: np.ndarray, cost: np.ndarray, start, target, reach: float) -> 
                 best[other] = new
                 came[other] = cell
                 heapq.heappush(queue, (new + ahead[other], other))
-    raise ValueError(f"no way from {start} to {target} though both are in one open part of the map")
+    raise ValueError(f"no way from {start} though the target is in the same open part of the map")
 
 
 def tightest(obstacle_map: ObstacleMap) -> float:

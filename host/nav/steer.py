@@ -17,12 +17,18 @@ import numpy as np
 from host.nav.config import NavConfig
 from host.nav.map import FREE, Obstacle, ObstacleMap
 from host.nav.odometry import heading_of
-from host.nav.plan import Room, Way, find_way, room_around, tightest
+from host.nav.plan import Room, Way, find_way, room_around, room_at, tightest
+from host.nav.yielding import BACK_CM_S, BERTH_CM, nearest_threat
 from host.pose import Pose
 
 AngleT = TypeVar("AngleT", float, np.ndarray)
 
 PLAN_EVERY_S = 0.5
+KEEP_WAY_S = 2.0  # a way that is still open is followed for so long before a better one is looked for
+SURE_SIGMAS = 2.0  # an obstacle may be nearer than measured by so many of its sigmas
+FACE_RAD = math.radians(25)  # of a goal that something covers, before that is believed
+PATIENCE_S = 4.0  # with what moves without a direction
+BELIEVE_S = 1.5  # and so long it is looked at
 TURN_FROM_RAD = math.radians(18)  # off the aim by more than this: turn in place
 TURN_TO_RAD = math.radians(2.5)
 SLOWEST_TURN_RAD_S = 0.35  # slower turns stick, and their edges come too far apart to tell the heading
@@ -31,6 +37,7 @@ FIRST_CM = 5.0  # straight ahead before anything else: nothing has a depth yet
 FIRST_ROOM_CM = 20.0  # if there is this much room
 WORTH_CM = 15.0  # a way that does not reach the goal must bring the robot this much nearer
 LEAST_ROOM_CM = 8.0  # a heading with less room than this is no way on
+SEEN_FROM_CM = 60.0  # a goal that is covered is believed to be from here
 ALL_ROUND_RAD = math.radians(150)
 SIDE_STEP_RAD = math.radians(15)  # headings tried where the way is shut right at the rim
 
@@ -52,6 +59,9 @@ class Plan:
 
     way: Way | None = None  # None: nothing leads nearer to the goal
     made_s: float = -math.inf
+    found_s: float = -math.inf  # when the way was searched for
+    waits_s: float | None = None  # since when it gives way
+    unseen: bool = False  # the piece to the aim leads over floor that nobody has seen
     aim: tuple[float, float] | None = None
     piece_from: tuple[float, float] | None = None  # where the present straight piece began; None: turning
     lost_s: float | None = None  # since when there has been no way
@@ -70,6 +80,7 @@ class Ahead:
     obstacle: Obstacle | None  # what it would touch
     cell_cm: tuple[float, float] | None = None  # where, (x, z)
     edge: bool = False  # it would come to the edge of the map first
+    sigma_cm: float = 0.0  # of the room, as far as the obstacle's place is in doubt
 
     def __str__(self) -> str:
         return "the edge of the map" if self.edge else str(self.obstacle or "something remembered")
@@ -119,7 +130,7 @@ def look_ahead(
     blind = max(0.0, min(blind, to_edge))
     if to_edge < room:
         return Ahead(to_edge, blind, None, None, edge=True)
-    return Ahead(room, blind, obstacle, cell)
+    return Ahead(room, blind, obstacle, cell, sigma_cm=0.0 if obstacle is None else obstacle.sigma_cm)
 
 
 def _room_on_map(obstacle_map: ObstacleMap, x: float, z: float, heading: float) -> float:
@@ -150,6 +161,11 @@ def decide(
     if to_goal <= config.goal_tolerance_cm:
         return Command(0.0, 0.0, f"goal reached, {to_goal:.0f} cm off", "goal"), plan
 
+    yielding = give_way(obstacle_map, camera, plan.waits_s)
+    if yielding is not None:
+        waits = camera.t_s if plan.waits_s is None else plan.waits_s
+        return yielding, replace(plan, piece_from=None, lost_s=None, waits_s=waits)
+    plan = replace(plan, waits_s=None)
     if not plan.begun:
         plan = replace(plan, start=plan.start or (x, z))
         ahead = look_ahead(obstacle_map, x, z, heading)
@@ -160,7 +176,7 @@ def decide(
 
     plan = _planned(plan, obstacle_map, camera.t_s, (x, z), heading, goal_cm)
     if plan.way is None:
-        return _look_around(plan, camera.t_s, heading, obstacle_map, (x, z))
+        return _no_way(plan, camera.t_s, heading, obstacle_map, (x, z), goal_cm)
     plan = replace(plan, lost_s=None, looked_rad=0.0)
 
     aim = plan.aim or goal_cm
@@ -170,7 +186,9 @@ def decide(
     turning = plan.piece_from is None
     if abs(error) > (TURN_TO_RAD if turning else TURN_FROM_RAD):
         why = look_ahead(obstacle_map, x, z, heading)
-        because = f", {why.obstacle} is in the way" if why.obstacle and why.room_cm < 60 else ""
+        because = ", to look where the floor is not seen yet" if plan.unseen else ""
+        if why.obstacle and why.room_cm < 60:
+            because = f", {why.obstacle} is in the way"
         side = "right" if error > 0 else "left"
         omega = math.copysign(min(config.turn_rad_s, max(SLOWEST_TURN_RAD_S, 1.5 * abs(error))), error)
         reason = f"turn {side} by {abs(math.degrees(error)):.0f} deg towards the aim{because}"
@@ -201,16 +219,41 @@ def speed_ahead(ahead: Ahead, obstacle_map: ObstacleMap, keep_cm: float | None =
     config = obstacle_map.config
     keep = config.clearance_cm if keep_cm is None else keep_cm
     fast = brakeable_cm_s(config, ahead.room_cm - keep)
+    sure = brakeable_cm_s(config, ahead.room_cm - SURE_SIGMAS * ahead.sigma_cm - keep)
+    doubted = min(fast, max(sure, config.creep_cm_s))
     blind = config.creep_cm_s + brakeable_cm_s(config, ahead.unseen_cm)
-    v = min(config.speed_cm_s, fast, blind)
+    v = min(config.speed_cm_s, doubted, blind)
     if fast < 1.0:
         return 0.0, f"stop: {ahead}, {ahead.room_cm:.0f} cm from the rim"
     if v == config.speed_cm_s:
         then = f", then {ahead}" if ahead.obstacle else ""
         return v, f"straight: {ahead.room_cm:.0f} cm free ahead{then}"
-    if fast <= blind:
-        return v, f"slow: {ahead}, {ahead.room_cm:.0f} cm from the rim"
-    return v, f"creep: floor seen only {ahead.unseen_cm:.0f} cm ahead, looking for depth"
+    if blind < doubted:
+        return v, f"creep: floor seen only {ahead.unseen_cm:.0f} cm ahead, looking for depth"
+    if doubted < min(fast, config.speed_cm_s):
+        return v, f"creep: {ahead}, {ahead.room_cm:.0f} cm from the rim, in doubt: looking for parallax"
+    return v, f"slow: {ahead}, {ahead.room_cm:.0f} cm from the rim"
+
+
+def give_way(obstacle_map: ObstacleMap, camera: Pose, waits_s: float | None = None) -> Command | None:
+    """Stand, or step back, while something that moves comes too near; None where nothing does.
+
+    For what only seems to move, and nobody knows where to, nobody waits for ever: `waits_s` is since when.
+    """
+    body, config = obstacle_map.body, obstacle_map.config
+    x, z, heading = body_of(camera, body.camera_ahead_cm)
+    threat = nearest_threat(obstacle_map, x, z, heading, camera.t_s, config.speed_cm_s)
+    if threat is None:
+        return None
+    if threat.obstacle.velocity_cm_s is None and waits_s is not None and camera.t_s - waits_s > PATIENCE_S:
+        return None
+    if threat.standing_cm < BERTH_CM and threat.back_cm > threat.standing_cm + 1.0:
+        behind = look_ahead(obstacle_map, x, z, wrap(heading + math.pi))
+        known = min(behind.room_cm, behind.unseen_cm)
+        v = min(BACK_CM_S, brakeable_cm_s(config, known - config.clearance_cm))
+        if v > 1.0:
+            return Command(-10 * v, 0.0, f"stepping back: {threat} comes this way")
+    return Command(0.0, 0.0, f"stop: {threat} crosses ahead, giving way")
 
 
 def _planned(
@@ -221,7 +264,10 @@ def _planned(
     if t_s - plan.made_s < PLAN_EVERY_S:
         return plan
     room = room_around(obstacle_map)
-    way = find_way(obstacle_map, room, here, goal_cm, heading)
+    way = _rest_of(plan, obstacle_map, room, here, t_s)
+    if way is None:
+        way = find_way(obstacle_map, room, here, goal_cm, heading)
+        plan = replace(plan, found_s=t_s)
     gain = math.dist(here, goal_cm) - math.dist(way.points[-1], goal_cm)
     if not way.to_goal and gain < WORTH_CM:
         return replace(plan, way=None, aim=None, piece_from=None, made_s=t_s)
@@ -235,7 +281,23 @@ def _planned(
             aim = min(old, aim, key=lambda p: abs(wrap(_bearing(here, p) - heading)))
         elif math.dist(plan.piece_from, here) < config.piece_cm:
             aim = old
-    return replace(plan, aim=aim)
+    return replace(plan, aim=aim, unseen=over_unseen)
+
+
+def _rest_of(plan: Plan, obstacle_map: ObstacleMap, room: Room, here, t_s: float) -> Way | None:
+    """What is left of a way that is still young and open; None where another one must be found."""
+    if plan.way is None or not plan.way.to_goal or t_s - plan.found_s > KEEP_WAY_S:
+        return None
+    points = np.array(plan.way.points)
+    away = np.hypot(*(points - here).T)
+    nearest = int(away.argmin())
+    rest = points[nearest + 1 :]
+    if len(rest) == 0 or away[nearest] > 4 * obstacle_map.config.cell_cm:
+        return None
+    far = away[nearest + 1 :] > obstacle_map.body.radius_cm
+    if not (room_at(obstacle_map, room.to_filled, rest[far]) >= tightest(obstacle_map)).all():
+        return None
+    return Way((here, *((px, pz) for px, pz in rest.tolist())), True)
 
 
 def _aim_on(way: Way, obstacle_map: ObstacleMap, room: Room, here, goal_cm) -> tuple[float, float]:
@@ -269,15 +331,61 @@ def _side_step(obstacle_map: ObstacleMap, here, aim) -> tuple[float, float]:
 def _clear(obstacle_map: ObstacleMap, room: Room, start, end, over_unseen: bool) -> bool:
     """Whether the robot fits all along a straight line; where it stands does not count."""
     length = math.dist(start, end)
-    limit = tightest(obstacle_map)
     first = obstacle_map.body.radius_cm
-    for s in np.arange(min(first, length), length + 1e-9, obstacle_map.config.cell_cm / 2):
-        part = s / max(length, 1e-9)
-        x, z = (a + part * (b - a) for a, b in zip(start, end, strict=True))
-        cell = obstacle_map.cell_of(x, z)
-        if room.to_filled[cell] < limit or not (over_unseen or room.to_unseen[cell] >= first):
-            return False
-    return True
+    parts = np.arange(min(first, length), length + 1e-9, obstacle_map.config.cell_cm / 2) / max(length, 1e-9)
+    points = np.add(start, parts[:, None] * np.subtract(end, start))
+    if not (room_at(obstacle_map, room.to_filled, points) >= tightest(obstacle_map)).all():
+        return False
+    return over_unseen or bool((room_at(obstacle_map, room.to_unseen, points) >= first).all())
+
+
+def _no_way(
+    plan: Plan, t_s: float, heading: float, obstacle_map: ObstacleMap, here: tuple[float, float], goal_cm
+) -> tuple[Command, Plan]:
+    """At once where the goal itself is the reason, once that was looked at; else look around for a way."""
+    config, body = obstacle_map.config, obstacle_map.body
+    to_edge = obstacle_map.half_cm - max(abs(goal_cm[0]), abs(goal_cm[1]))
+    if to_edge < tightest(obstacle_map) - config.goal_tolerance_cm:
+        reason = f"blocked: the goal is {to_edge:.0f} cm from the edge of the map; set nav.map_half_cm"
+        return Command(0.0, 0.0, reason, "blocked"), plan
+    covered = _cover_of(obstacle_map, goal_cm)
+    away = math.dist(here, goal_cm)
+    if covered is not None and away < config.goal_tolerance_cm + 2 * body.radius_cm + SEEN_FROM_CM:
+        error = wrap(_bearing(here, goal_cm) - heading)
+        lost = t_s if plan.lost_s is None else plan.lost_s
+        plan = replace(plan, lost_s=lost, piece_from=None, last_heading=heading)
+        if abs(error) > FACE_RAD:
+            turn = Command(
+                0.0, math.copysign(config.turn_rad_s, error), f"turn to the goal: {covered} covers it"
+            )
+            return turn, replace(plan, lost_s=t_s)
+        reason = f"the goal is covered by {covered}, {away - body.radius_cm:.0f} cm from the rim"
+        if t_s - lost < BELIEVE_S:
+            return Command(0.0, 0.0, f"stop: {reason}"), plan
+        return Command(0.0, 0.0, f"blocked: {reason}", "blocked"), plan
+    return _look_around(plan, t_s, heading, obstacle_map, here)
+
+
+def _cover_of(obstacle_map: ObstacleMap, goal_cm: tuple[float, float]) -> str | None:
+    """What leaves no room for the robot within the tolerance of the goal, in words; None where there is."""
+    config = obstacle_map.config
+    reach = config.goal_tolerance_cm + config.cell_cm / 2
+    steps = np.arange(-reach, reach + 1e-9, config.cell_cm)
+    offsets = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+    offsets = offsets[np.hypot(*offsets.T) <= reach]
+    n = math.ceil((reach + obstacle_map.body.radius_cm) / config.cell_cm) + 2
+    row, col = obstacle_map.cell_of(*goal_cm)
+    window = slice(max(0, row - n), row + n + 1), slice(max(0, col - n), col + n + 1)
+    rows, cols = np.nonzero(obstacle_map.occupied[window])
+    if len(rows) == 0:
+        return None
+    rows, cols = rows + window[0].start, cols + window[1].start
+    filled = np.column_stack([obstacle_map.centres_cm[cols], obstacle_map.centres_cm[rows]])
+    gaps = np.hypot(*(np.add(goal_cm, offsets)[:, None] - filled[None]).transpose(2, 0, 1))
+    if float(gaps.min(axis=1).max()) >= tightest(obstacle_map) + config.cell_cm / 2:
+        return None
+    k = int(np.hypot(*(filled - goal_cm).T).argmin())
+    return str(obstacle_map.obstacle_at(int(rows[k]), int(cols[k])) or "something remembered")
 
 
 def _look_around(

@@ -22,6 +22,7 @@ from host.nav.steer import (
     Plan,
     body_of,
     decide,
+    give_way,
     look_ahead,
     speed_ahead,
     wrap,
@@ -163,6 +164,7 @@ class Approach:
         self._heading: float | None = None
         self._start: tuple[float, float] | None = None
         self._stands_s: float | None = None  # since when
+        self._waits_s: float | None = None  # and since when for something that moves
 
     def decide(self, obstacle_map: ObstacleMap, camera: Pose) -> Command:
         config = obstacle_map.config
@@ -170,10 +172,15 @@ class Approach:
         self._heading = heading if self._heading is None else self._heading
         self._start = self._start or (x, z)
         omega = max(-HOLD_RAD_S, min(HOLD_RAD_S, HOLD_GAIN * wrap(self._heading - heading)))
+        yielding = give_way(obstacle_map, camera, self._waits_s)
+        if yielding is not None:
+            self._waits_s = camera.t_s if self._waits_s is None else self._waits_s
+            return yielding
+        self._waits_s = None
         ahead = look_ahead(obstacle_map, x, z, heading)
         thing, gap = front_ahead(obstacle_map, (x, z), self._heading)
         if thing is not None and gap - ahead.room_cm < COARSE_CELLS * config.cell_cm + thing.sigma_cm:
-            ahead = replace(ahead, room_cm=gap, obstacle=thing, edge=False)
+            ahead = replace(ahead, room_cm=gap, obstacle=thing, edge=False, sigma_cm=thing.sigma_cm)
             if gap - self._stop_cm < ARRIVED_CM:
                 return Command(0.0, 0.0, f"{gap:.1f} cm before {thing}", "approached")
         elif math.dist(self._start, (x, z)) < FIRST_CM and ahead.room_cm > max(FIRST_ROOM_CM, self._stop_cm):
@@ -200,7 +207,7 @@ def front_ahead(
     """The nearest thing known to stand somewhere that a straight drive meets, and the rim's way to it, cm."""
     radius = obstacle_map.body.radius_cm
     nearest, thing = math.inf, None
-    for obstacle in obstacle_map.obstacles.values():
+    for obstacle in obstacle_map.standing():
         if obstacle.how == AT_BORDER:  # which is no place
             continue
         ends = np.array([obstacle.left_cm, obstacle.right_cm]) - here
