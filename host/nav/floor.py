@@ -1,8 +1,8 @@
 """Which regions are floor: told by their depths against the floor's plane, by place and by colour.
 
 The camera's height is known, so the floor's depth along every ray below the horizon is too. A region lies
-on that plane or stands on it. Where a weak edge has made one region of floor and wall, only its near part
-counts as floor, and only weakly.
+on that plane or stands on it. Where a weak edge has made one region of floor and wall, the picture itself
+is asked for the wall's foot; where it shows none, nothing is known.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import numpy as np
 
 from host.depth.report import DepthReport
 from host.nav.picture import Picture
+from host.nav.seam import STRIP, WINDOW, find_foot, strips_of
 from host.pose import Pose
 from host.rbdn.snapshot import Region, Snapshot
 
@@ -23,13 +24,24 @@ LIKE_MIXED = 35.0  # and what lies all before the robot, or is floor and wall in
 MOST_OF_BORDER = 0.6  # while no floor is known, what covers this share of the lower border is floor at least
 PART_OF_BORDER = 0.3  # and what covers this and is nothing else is floor alone
 SIGMA_RAY = 0.01  # of the tilt of the floor's plane against the camera, rad
+LIKE_HUE = 0.05  # colours over their brightness that differ by less are the same, at the lower border
+LIKE_LIGHT = 1.3  # if one is no brighter than this times the other
+LOOK_EVERY = 5  # frames, to learn the floor's colour at the lower border
+OUTLINE_PX = 3  # so near to an outline colours are mixed
 VOTE = 0.2  # what one frame's depths count; a new region begins at 1 or -0.1 by its looks
 PLAIN = 0.6  # and what its colour does where the region lies all before the robot
 CERTAIN = 3.0  # votes are kept within this
 
 
 class FloorFinder:
-    """Votes of all frames on every region; one bad frame changes nothing."""
+    """Votes of all frames on every region; one bad frame changes nothing.
+
+    Attributes
+    ----------
+    foot : (W / 2,) where in each column a region that is floor and wall in one begins to be wall, in pixels
+        above the lower border; -1 where nobody knows
+    strange : (W / 2,) bool, it is no floor even at the lower border
+    """
 
     def __init__(self, height_cm: float) -> None:
         self._height_cm = height_cm
@@ -37,7 +49,10 @@ class FloorFinder:
         self._mixed: set[int] = set()
         self._mixed_rgb: tuple[float, float, float] | None = None
         self._crossing: set[int] = set()
+        self._frames = 0
         self._floor_rgb: tuple[float, float, float] | None = None
+        self._bottom_rgb: np.ndarray | None = None  # of floor at the lower border
+        self.foot, self.strange = np.empty(0, int), np.empty(0, bool)
 
     def is_floor(self, region_id: int) -> bool:
         """Floor and nothing else."""
@@ -47,8 +62,15 @@ class FloorFinder:
         """Floor and something else in one region."""
         return region_id in self._mixed
 
-    def update(self, snapshot: Snapshot, report: DepthReport, pose: Pose, picture: Picture) -> None:
-        """Take in one frame."""
+    def update(
+        self,
+        snapshot: Snapshot,
+        report: DepthReport,
+        pose: Pose,
+        picture: Picture,
+        image: np.ndarray | None = None,
+    ) -> None:
+        """Take in one frame, with the BGR image itself if it is at hand."""
         self._mixed.clear()
         high = picture.total(picture.rays.flatter(self._height_cm / FARTHEST_CM)).tolist()
         reach = picture.total(picture.rays.reach).tolist()
@@ -64,14 +86,40 @@ class FloorFinder:
                 self._crossing.add(region.id)
                 self._vote_on_crossing(region, share)
                 continue
-            if (
-                region.id in crossed
-            ):  # what reaches above the horizon does so from near and far: it is another
+            if region.id in crossed:  # what reaches above the horizon does so from anywhere: this is another
                 self._votes.pop(region.id, None)
             depth = self._vote_of_depth(region, picture, report, reach[k] / pixels[k])
             self._vote(region, share, depth, corners.vote(region))
         self._votes = {r.id: self._votes[r.id] for r in snapshot.regions if r.id in self._votes}
         self._learn_colour(snapshot)
+        self.foot = np.full(width, -1)
+        self.strange = np.zeros(width, bool)
+        self._frames += 1
+        if image is not None and (self._mixed or self._frames % LOOK_EVERY == 1):
+            self._look_for_feet(picture, strips_of(image))
+
+    def _look_for_feet(self, picture: Picture, strips: np.ndarray) -> None:
+        """Where regions that are floor and wall in one end to be floor."""
+        of_column = np.minimum(np.arange(picture.shape[0]) // STRIP, len(strips) - 1)
+        bottom_rgb = strips[:, :WINDOW].mean(axis=1)[of_column]
+        below = picture.ids[picture.labels[:, 0]]
+        sure = np.isin(below, [i for i, vote in self._votes.items() if vote > 0.4 and i not in self._mixed])
+        if self._mixed:
+            horizon = (picture.rays.down > self._height_cm / FARTHEST_CM).sum(axis=1)
+            mine = np.isin(picture.ids, list(self._mixed))[picture.labels]
+            ends = np.where(mine.all(axis=1), mine.shape[1], mine.argmin(axis=1))
+            self.foot = find_foot(strips, mine, np.minimum(horizon, ends - OUTLINE_PX - WINDOW))
+            up_to_thing = (self.foot < 0) & (ends > 0) & (ends < horizon)
+            self.foot[up_to_thing] = ends[up_to_thing]
+            sure |= mine[:, 0] & (self.foot > 0)
+            if self._bottom_rgb is not None:
+                self.strange = mine[:, 0] & ~_alike(bottom_rgb, self._bottom_rgb)
+                self.foot[self.strange] = 0
+                sure &= ~self.strange
+        if sure.any():
+            rgb = bottom_rgb[sure].mean(axis=0)
+            known = self._bottom_rgb
+            self._bottom_rgb = rgb if known is None else 0.9 * known + 0.1 * rgb
 
     def _vote_on_crossing(self, region: Region, share: float) -> None:
         """On what reaches up higher than floor does."""
@@ -132,6 +180,14 @@ class FloorFinder:
         if self._floor_rgb is not None:
             r, g, b = (0.9 * old + 0.1 * new for old, new in zip(self._floor_rgb, (r, g, b), strict=True))
         self._floor_rgb = (r, g, b)
+
+
+def _alike(rgb: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Which colours (N, 3) are a known one in more or less light."""
+    light = np.maximum(rgb.mean(axis=1), 1.0)
+    hue_off = np.sqrt(((rgb / light[:, None] - known / max(float(known.mean()), 1.0)) ** 2).sum(axis=1))
+    brighter = light / max(float(known.mean()), 1.0)
+    return (hue_off < LIKE_HUE) & (brighter > 1 / LIKE_LIGHT) & (brighter < LIKE_LIGHT)
 
 
 class _Corners:

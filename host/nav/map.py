@@ -31,7 +31,6 @@ DEEPEST_CM = 40.0  # things are taken to be as deep as they are wide, up to this
 OCCUPIED, FREE = 0.8, -0.4  # log-odds beyond which a cell counts as one or the other
 LIMIT = 4.0
 SEEN_EMPTY = -0.4  # log-odds a frame of bare floor is worth
-BARELY_FREE = 1.5 * FREE  # what may be floor never counts for more
 FRONT_GAIN = 0.1  # share of one frame in what is remembered of a thing's front
 SURPRISE = 0.7  # log-odds a frame is worth that shows a thing below which the map knows nothing but floor
 DOUBT = -0.5  # and what is left of that floor
@@ -142,18 +141,35 @@ class ObstacleMap:
         near = dx[None, :] ** 2 + dz[:, None] ** 2 < r * r
         self.evidence[here][near] = np.minimum(self.evidence[here][near], 2 * FREE)
 
-    def update(self, snapshot: Snapshot, report: DepthReport, pose: Pose, lens: Lens) -> None:
-        """Take in one frame. The pose is the camera's, level up to SIGMA_RAY."""
+    def update(
+        self,
+        snapshot: Snapshot,
+        report: DepthReport,
+        pose: Pose,
+        lens: Lens,
+        image: np.ndarray | None = None,
+    ) -> None:
+        """Take in one frame. The pose is the camera's, level up to SIGMA_RAY.
+
+        The image, BGR, is looked at where the net has made one region of floor and wall.
+        """
         self._fade(pose.t_s)
         picture = Picture(snapshot, lens, rays_of(lens, pose))
-        self.floor.update(snapshot, report, pose, picture)
+        self.floor.update(snapshot, report, pose, picture, image)
         feet = Feet(picture, self.floor, pose, self.body.camera_height_cm)
         standing: list[Standing] = []
         movers: set[int] = set()
         for region in snapshot.regions:
-            if self.floor.is_floor(region.id) or self.floor.is_mixed(region.id):
+            if self.floor.is_floor(region.id):
                 continue
-            found = stand_of(region.id, report, feet, picture, self._front_cm.get(region.id))
+            found = stand_of(
+                region.id,
+                report,
+                feet,
+                picture,
+                self._front_cm.get(region.id),
+                self.floor.is_mixed(region.id),
+            )
             if found is None or (found.how == AT_BORDER and self._remembers(found, feet)):
                 continue
             if found.how == "foot" and (cut := found.where(feet.cut)) and self._remembers(cut, feet):
@@ -214,9 +230,6 @@ class ObstacleMap:
         change = np.zeros(len(depth), np.float32)
         empty = (depth < (free_to - half)[column]) & (depth > feet.nearest_cm)
         change[empty] = SEEN_EMPTY
-        if feet.unsure.any():
-            doubtful = empty & feet.unsure[column]
-            change[doubtful] = np.where(before[doubtful] < BARELY_FREE, 0.0, SEEN_EMPTY / 4)
 
         by_column = [np.full(len(feet.region), np.nan) for _ in standing]
         behind = []

@@ -100,7 +100,7 @@ class Pilot:
         with stages.of("map"):
             x, z, _ = body_of(here, self._body.camera_ahead_cm)
             self.map.stand_on(x, z)
-            self.map.update(snapshot, depths, pose, self._lens)
+            self.map.update(snapshot, depths, pose, self._lens, frame.image)
         with stages.of("steer"):
             command = self._task.decide(self.map, here)
         return View(frame, pose, odometry, snapshot, depths, command, stages.ms, smooth)

@@ -24,7 +24,6 @@ from host.nav.odometry import heading_of
 from host.nav.picture import NO_REGION, STEP_PX, Picture
 from host.pose import Pose
 
-MIXED_CM = 90.0  # of a region that is floor and wall in one, floor is what would be nearer than this
 USABLE = 0.25  # a depth with a larger relative sigma places nothing
 STRAIGHT = 0.006  # rms of a straight wall's feet about their line, as a slope: 2 px at 280 px focal length
 WALL_CM = 70.0  # what is wider than this has a front as its feet have it, what is narrower a flat one
@@ -77,7 +76,6 @@ class Feet:
     slope, depth_cm : (W / 2,) Y/Z of its foot, and how far that is
     free_cm : (W / 2,) depth up to which floor is seen
     cut : (W / 2,) bool, no floor is seen at all: the foot is at or below the image's lower border
-    unsure : (W / 2,) bool, what is seen as floor there may be wall
     nearest_cm : where the view of the floor begins
     """
 
@@ -89,13 +87,11 @@ class Feet:
         is_floor = np.array([i == NO_REGION or floor.is_floor(i) for i in ids])
         is_mixed = np.array([floor.is_mixed(i) for i in ids])
         surely = passable = is_floor[labels]
-        self.unsure = np.zeros(len(labels), bool)
         if is_mixed.any():
             mixed = is_mixed[labels]
-            below = mixed & (rays.down > height_cm / FARTHEST_CM)
-            passable = surely | below
-            surely = surely | (mixed & (rays.down > height_cm / MIXED_CM))
-            self.unsure = np.asarray(below.any(axis=1))
+            foot = floor.foot[:, None]
+            surely = surely | (mixed & (np.arange(labels.shape[1]) < foot))
+            passable = surely | (mixed & (foot < 0))
         row, open_ended = _first_other(passable)
         self.cut = (row == 0) & ~open_ended
         self.region = np.where(open_ended, NO_REGION, picture.ids[labels[column, row]])
@@ -133,7 +129,12 @@ def _first_other(mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def stand_of(
-    region_id: int, report: DepthReport, feet: Feet, picture: Picture, front_cm: float | None = None
+    region_id: int,
+    report: DepthReport,
+    feet: Feet,
+    picture: Picture,
+    front_cm: float | None = None,
+    mixed: bool = False,
 ) -> Standing | None:
     """Where a region that is not floor stands; None while nothing is known of it.
 
@@ -144,8 +145,8 @@ def stand_of(
     """
     found = report.regions.get(region_id)
     moving = found is not None and found.moving
-    measured = None if moving else usable_depth(report, region_id)  # true of things at rest
-    covered = picture.columns_of(region_id)
+    measured = None if moving or mixed else usable_depth(report, region_id)  # true of things at rest
+    covered = np.flatnonzero(feet.region == region_id) if mixed else picture.columns_of(region_id)
     mine = feet.region == region_id
     columns, cut = np.flatnonzero(mine & ~feet.cut), np.flatnonzero(mine & feet.cut)
     mostly_cut = len(cut) >= LEAST_COLUMNS and len(cut) > CUT_PART * (len(columns) + len(cut))

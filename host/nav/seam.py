@@ -1,0 +1,68 @@
+"""The foot of a wall in a region that is floor and wall in one, found in the picture itself.
+
+The net makes one region of floor and wall where they are alike. In narrow strips upright through the picture
+the colour still changes at the wall's foot, if only a little; strips beside each other must agree on where.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from host.nav.picture import STEP_PX
+
+STRIP = 4  # columns that are looked at together
+WINDOW = 6  # pixels below and above a foot whose colours are compared
+LIGHT = 0.35  # what brightness counts beside hue: shadows and joints between tiles are only darker
+    0.35  # what brightness counts beside hue: shadows and joints between tiles are darker, not of another hue
+)
+LEAST_STEP = 5.0  # change of mean colour, in levels; noise makes about 1
+AGREE_PX = 3  # strips beside each other agree to this
+SEARCH = 3  # strips on either side that are asked
+
+
+def strips_of(image: np.ndarray) -> np.ndarray:
+    """(W / 2 / STRIP, H / 2, 3) colours of a BGR image's strips as RGB, lowest pixel first."""
+    height, width = image.shape[0] // STEP_PX, image.shape[1] // STEP_PX // STRIP
+    small = cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA)
+    return small[::-1, :, ::-1].transpose(1, 0, 2).astype(np.float32)
+
+
+def find_foot(strips: np.ndarray, mine: np.ndarray, highest: np.ndarray) -> np.ndarray:
+    """Pixels above the lower border at which a wall begins, (W / 2,); -1 where no foot is seen.
+
+    Parameters
+    ----------
+    strips : of the picture.
+    mine : (W / 2, H / 2) bool, pixels of the region.
+    highest : (W / 2,) pixels above the lower border up to which there may be a foot.
+    """
+    strips = strips - (1.0 - LIGHT) * strips.mean(axis=2, keepdims=True)
+    sums = np.concatenate([np.zeros_like(strips[:, :1]), np.cumsum(strips, axis=1)], axis=1)
+    means = (sums[:, WINDOW:] - sums[:, :-WINDOW]) / WINDOW  # of the window that begins at each pixel
+    step = np.sqrt(((means[:, WINDOW:] - means[:, :-WINDOW]) ** 2).sum(axis=2))  # at pixel index + WINDOW
+    whole = mine[: len(strips) * STRIP].reshape(len(strips), STRIP, -1).all(axis=1)
+    inside = np.cumsum(~whole, axis=1) == 0  # from the lower border up without a gap
+    rows = np.arange(step.shape[1]) + WINDOW
+    allowed = inside[:, 2 * WINDOW - 1 :] & (rows < highest[STRIP // 2 :: STRIP][: len(strips), None])
+    step = np.where(allowed, step, 0.0)
+    best = step.argmax(axis=1)
+    found = step[np.arange(len(step)), best] > LEAST_STEP
+    foot = np.where(found, best + WINDOW, -1)
+    foot = np.where(_agreed(foot, found), foot, -1)
+    strip = np.minimum(np.arange(len(mine)) // STRIP, len(strips) - 1)
+    return foot[strip]
+
+
+def _agreed(foot: np.ndarray, found: np.ndarray) -> np.ndarray:
+    """Whether a strip's foot lies where the line through its neighbours' has it."""
+    out = np.zeros(len(foot), bool)
+    for k in np.flatnonzero(found).tolist():
+        near = np.arange(max(0, k - SEARCH), min(len(foot), k + SEARCH + 1))
+        near = near[found[near] & (near != k)]
+        if len(near) < 2:
+            continue
+        slopes = (foot[near] - foot[k]) / (near - k)
+        rise = float(np.median(slopes))
+        out[k] = (np.abs(slopes - rise) * np.abs(near - k) <= AGREE_PX).sum() >= max(2, len(near) // 2 + 1)
+    return out
