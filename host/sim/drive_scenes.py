@@ -153,29 +153,62 @@ def clutter(seed: int = 0) -> World:
     return world
 
 
+MOVER_REACH_CM = 60.0  # to either side of the straight way, so that it is back before long
+MOVER_ASIDE_CM = 22.0  # least of it: beyond this it leaves the way to a robot of 12 cm
+MOVER_MET_CM = 40.0  # before the robot it first crosses
+MOVER_MET_CM_S = 14.0  # if that comes on its straight way as fast as robots do that look where they go
+MOVER_TRIES = 400
+
+
 def with_mover(world: World) -> World:
-    """The same world with something that crosses the straight way to the goal, to and fro."""
+    """The same world with something that crosses the straight way to the goal, to and fro.
+
+    It crosses between a third and three quarters of the way, at right angles, clear of all that stands; what
+    leaves no room for that anywhere is taken away. When it first does, a robot that goes straight to the
+    goal at an ordinary pace is 40 cm before it; later crossings follow every 12 s or sooner.
+    """
     rng = np.random.default_rng((0x307E4, world.seed))
     goal = np.array(world.goal_cm)
     aside = np.array([goal[1], -goal[0]]) / np.hypot(*goal)
-    for _ in range(400):
-        radius = rng.uniform(6, 11)
-        rgb = OBJECT_COLOURS[rng.integers(len(OBJECT_COLOURS))]
-        middle = rng.uniform(0.35, 0.7) * goal
-        reaches = []
-        for way in (-1, 1):
-            steps = middle + way * np.arange(0.0, 120.0, 2.0)[:, None] * aside
-            blocked = world.distance_cm(steps) < radius + 3
-            reaches.append(2.0 * int(np.argmax(blocked)) if blocked.any() else 120.0)
-        if min(reaches) < 20 or sum(reaches) < 60:
+    rgb = OBJECT_COLOURS[rng.integers(len(OBJECT_COLOURS))]
+    look = Material(rgb, contrast=0.05, scale_cm=4.0, seed=int(rng.integers(1 << 31)))
+    for attempt in range(MOVER_TRIES):
+        radius, part = rng.uniform(6, 11), rng.uniform(0.35, 0.72)
+        middle = part * goal
+        if attempt == MOVER_TRIES // 2:
+            world = _without_things_beside(world, middle, aside, radius)
+        reaches = [_room_cm(world, middle, way * aside, radius) for way in (-1, 1)]
+        if min(reaches) < MOVER_ASIDE_CM:
             continue
+        near, far = (0, 1) if rng.integers(2) else (1, 0)
         ends = middle - reaches[0] * aside, middle + reaches[1] * aside
-        here, there = ends if rng.integers(2) else ends[::-1]
-        look = Material(rgb, contrast=0.05, scale_cm=4.0, seed=int(rng.integers(1 << 31)))
-        thing = Cylinder("mover", here[0], here[1], radius, rng.uniform(20, 45), look)
-        mover = Mover(thing, (float(there[0]), float(there[1])), rng.uniform(8, 20))
-        return replace(world, movers=(mover,))
-    return world
+        speed = rng.uniform(10, 20)
+        thing = Cylinder("mover", ends[near][0], ends[near][1], radius, rng.uniform(20, 45), look)
+        met_s = max(float(np.hypot(*middle)) - MOVER_MET_CM, 0.0) / MOVER_MET_CM_S
+        period_s = 2 * sum(reaches) / speed
+        ahead_s = (reaches[near] / speed - met_s) % period_s
+        other_end = (float(ends[far][0]), float(ends[far][1]))
+        return replace(world, movers=(Mover(thing, other_end, speed, ahead_s),))
+    raise AssertionError(f"{world.name} {world.seed} is too narrow for a mover")
+
+
+def _room_cm(world: World, begin: np.ndarray, way: np.ndarray, radius: float) -> float:
+    """How far a disc can go from a place, staying clear of everything."""
+    steps = np.arange(0.0, MOVER_REACH_CM + 1.0, 2.0)
+    blocked = world.distance_cm(begin + steps[:, None] * way) < radius + 3
+    return max(float(steps[int(np.argmax(blocked))]) - 2.0, 0.0) if blocked.any() else MOVER_REACH_CM
+
+
+def _without_things_beside(world: World, middle: np.ndarray, aside: np.ndarray, radius: float) -> World:
+    """Without what would hinder a mover to cross here far enough to either side."""
+    places = middle + np.arange(-30.0, 31.0, 2.0)[:, None] * aside
+    empty = replace(world, things=())
+    clear = tuple(
+        thing
+        for thing in world.things
+        if replace(empty, things=(thing,)).distance_cm(places).min() > radius + 3
+    )
+    return replace(world, things=clear)
 
 
 def _wall(rng: np.random.Generator, colour: int) -> Material:

@@ -183,12 +183,13 @@ class Mover:
     thing: Thing
     other_end_cm: tuple[float, float]  # x, z
     speed_cm_s: float
+    ahead_s: float = 0.0  # since when it has been under way at time 0
 
     def at(self, t_s: float) -> Thing:
-        """The thing where it is at a time; at 0 it sets out from its own place."""
+        """The thing where it is at a time; `ahead_s` before 0 it set out from its own place."""
         way = (self.other_end_cm[0] - self.thing.x_cm, self.other_end_cm[1] - self.thing.z_cm)
         length = math.hypot(*way)
-        gone = self.speed_cm_s * t_s % (2 * length)
+        gone = self.speed_cm_s * (t_s + self.ahead_s) % (2 * length)
         part = min(gone, 2 * length - gone) / length
         return moved(self.thing, part * way[0], part * way[1])
 

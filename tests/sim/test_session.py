@@ -237,13 +237,38 @@ def test_a_mover_is_elsewhere_in_a_later_picture_and_stops_who_drives_into_it() 
 
 
 @pytest.mark.parametrize("scene", ["room", "corridor", "clutter"])
-def test_most_worlds_have_room_for_a_mover_that_keeps_clear_of_what_stands(scene: str) -> None:
-    found = 0
-    for seed in range(20):
+def test_every_world_has_a_mover_that_crosses_the_straight_way_and_keeps_clear(scene: str) -> None:
+    for seed in range(60):
         world = world_from_uri(f"sim:{scene}?seed={seed}&movers=1")
-        for mover in world.movers:
-            found += 1
-            for t_s in np.arange(0.0, 20.0, 0.5):
-                thing = mover.at(t_s)
-                assert world.distance_cm(np.array([[thing.x_cm, thing.z_cm]]))[0] > thing.reach_cm
-    assert found >= 12
+        (mover,) = world.movers
+        times_s = np.arange(0.0, 60.0, 0.2)
+        places = np.array([(mover.at(t).x_cm, mover.at(t).z_cm) for t in times_s])
+        assert world.distance_cm(places).min() > mover.thing.reach_cm
+        goal = np.array(world.goal_cm)
+        along, aside = goal / np.hypot(*goal), np.array([goal[1], -goal[0]]) / np.hypot(*goal)
+        way, off = places @ along, places @ aside
+        assert way.std() < 1e-6 and 0.3 < way.mean() / np.hypot(*goal) < 0.75
+        assert off.min() < -mover.thing.reach_cm - 8 and off.max() > mover.thing.reach_cm + 8
+        crossings_s = times_s[1:][np.sign(off[1:]) != np.sign(off[:-1])]
+        assert np.diff(crossings_s).max() < 12.5
+        met_s = (way.mean() - 40.0) / 14.0
+        assert np.abs(crossings_s - met_s).min() < 0.5
+
+
+def test_things_that_leave_a_mover_no_room_are_taken_away_and_no_others() -> None:
+    plain, crossed = (world_from_uri(f"sim:room?seed=3{more}") for more in ("", "&movers=1"))
+    assert 1 <= len(plain.things) - len(crossed.things) <= 4
+    assert set(crossed.things) < set(plain.things)
+    plain, crossed = (world_from_uri(f"sim:room?seed=4{more}") for more in ("", "&movers=1"))
+    assert crossed.things == plain.things
+
+
+def test_the_uri_says_how_many_frames_a_second() -> None:
+    for uri, fps in (("sim:room?seed=1", 15), ("sim:clutter?fps=60", 60), ("sim:corridor?fps=5", 5)):
+        simulation = Simulation(uri, webcam=IDEAL)
+        simulation.camera.read(0.3)
+        frame = simulation.camera.read(0.3)
+        assert frame is not None and frame.t_s == pytest.approx(1 / fps, abs=1e-6)
+    for uri in ("sim:room?fps=4", "sim:room?fps=61", "sim:boxes?fps=15"):
+        with pytest.raises(UsageError, match=r"from 5 to 60|has no parameter 'fps'"):
+            Simulation(uri)
