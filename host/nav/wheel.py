@@ -28,6 +28,7 @@ BENT_SIGMA_COUNTS = 0.15  # and for each unit by which neighbouring periods diff
 AHEAD_SIGMA_COUNTS = 0.1  # one cell after the last edge, beside what the last periods differ by
 AHEAD_BENT = 2.0  # what those count there, over what they count between two edges
 ROLL_OUT_S = 0.055  # a wheel about to stop goes on as far as it would in this time at an even speed
+STOPS = 0.8  # of the speed over one cell is left over the next: a wheel is about to stop
 STOPPED_SIGMA_COUNTS = 0.2  # of where it stands then
 
 # What a start may be like: way to the first edge, acceleration, and the speed it leads to, over the one seen.
@@ -110,6 +111,14 @@ class Wheel:
         """How far it goes on after the last edge when no other follows, cm."""
         return min(self._speed_at_edge() * ROLL_OUT_S, 0.95 * self._cell)
 
+    def _stopping(self) -> bool:
+        """It slows down so fast that it seems about to stand."""
+        if self._run < 4:
+            return False
+        (a, b, c, d), (p, q, r, s) = self._t[-4:], self._s[-4:]
+        first, before, last = abs((q - p) / (b - a)), abs((r - q) / (c - b)), abs((s - r) / (d - c))
+        return last < STOPS * before or (last < 0.9 * before and before < 0.95 * first and last < 0.8 * first)
+
     def _speed_at_edge(self) -> float:
         """Speed at the last edge, cm/s, without sign: that of the last cell, or as it clearly changed."""
         last = self._speed()
@@ -189,6 +198,10 @@ class Wheel:
                 return self._s[-1]
             cell = self._cell * self._to_next()
             speed = self._speed_at_edge() / cell  # cells a second
+            if self._stopping():
+                since_s = min(t_s, self._heard_s + AHEAD_S) - self._t[-1]
+                rolled = self._roll_out() * (1 - math.exp(-since_s / ROLL_OUT_S))
+                return self._s[-1] + self._sign * rolled
             u = speed * (min(t_s, self._heard_s) - self._t[-1])
             if u > 1:
                 stands = self._roll_out() / self._cell
