@@ -14,8 +14,6 @@ from host.nav.picture import STEP_PX
 STRIP = 4  # columns that are looked at together
 WINDOW = 6  # pixels below and above a foot whose colours are compared
 LIGHT = 0.35  # what brightness counts beside hue: shadows and joints between tiles are only darker
-    0.35  # what brightness counts beside hue: shadows and joints between tiles are darker, not of another hue
-)
 LEAST_STEP = 5.0  # change of mean colour, in levels; noise makes about 1
 AGREE_PX = 3  # strips beside each other agree to this
 SEARCH = 3  # strips on either side that are asked
