@@ -27,6 +27,7 @@ PLAN_EVERY_S = 0.5
 KEEP_WAY_S = 2.0  # a way that is still open is followed for so long before a better one is looked for
 SURE_SIGMAS = 2.0  # an obstacle may be nearer than measured by so many of its sigmas
 FACE_RAD = math.radians(25)  # of a goal that something covers, before that is believed
+LINGER_S = 0.7  # it must be out of the way for so long
 PATIENCE_S = 4.0  # with what moves without a direction
 BELIEVE_S = 1.5  # and so long it is looked at
 TURN_FROM_RAD = math.radians(18)  # off the aim by more than this: turn in place
@@ -54,13 +55,22 @@ class Command:
 
 
 @dataclass(frozen=True)
+class Wait:
+    """For something that moves to be gone."""
+
+    since_s: float
+    last_s: float  # when it last came too near
+    reason: str
+
+
+@dataclass(frozen=True)
 class Plan:
     """What steering remembers from one decision to the next."""
 
     way: Way | None = None  # None: nothing leads nearer to the goal
     made_s: float = -math.inf
     found_s: float = -math.inf  # when the way was searched for
-    waits_s: float | None = None  # since when it gives way
+    wait: Wait | None = None  # for something that moves
     unseen: bool = False  # the piece to the aim leads over floor that nobody has seen
     aim: tuple[float, float] | None = None
     piece_from: tuple[float, float] | None = None  # where the present straight piece began; None: turning
@@ -161,11 +171,10 @@ def decide(
     if to_goal <= config.goal_tolerance_cm:
         return Command(0.0, 0.0, f"goal reached, {to_goal:.0f} cm off", "goal"), plan
 
-    yielding = give_way(obstacle_map, camera, plan.waits_s)
+    yielding, wait = give_way(plan.wait, obstacle_map, camera)
+    plan = replace(plan, wait=wait)
     if yielding is not None:
-        waits = camera.t_s if plan.waits_s is None else plan.waits_s
-        return yielding, replace(plan, piece_from=None, lost_s=None, waits_s=waits)
-    plan = replace(plan, waits_s=None)
+        return yielding, replace(plan, piece_from=None, lost_s=None)
     if not plan.begun:
         plan = replace(plan, start=plan.start or (x, z))
         ahead = look_ahead(obstacle_map, x, z, heading)
@@ -235,25 +244,32 @@ def speed_ahead(ahead: Ahead, obstacle_map: ObstacleMap, keep_cm: float | None =
     return v, f"slow: {ahead}, {ahead.room_cm:.0f} cm from the rim"
 
 
-def give_way(obstacle_map: ObstacleMap, camera: Pose, waits_s: float | None = None) -> Command | None:
+def give_way(
+    wait: Wait | None, obstacle_map: ObstacleMap, camera: Pose
+) -> tuple[Command | None, Wait | None]:
     """Stand, or step back, while something that moves comes too near; None where nothing does.
 
-    For what only seems to move, and nobody knows where to, nobody waits for ever: `waits_s` is since when.
+    For what only seems to move, and nobody knows where to, nobody waits for ever.
     """
-    body, config = obstacle_map.body, obstacle_map.config
+    body, config, t_s = obstacle_map.body, obstacle_map.config, camera.t_s
     x, z, heading = body_of(camera, body.camera_ahead_cm)
-    threat = nearest_threat(obstacle_map, x, z, heading, camera.t_s, config.speed_cm_s)
+    threat = nearest_threat(obstacle_map, x, z, heading, t_s, config.speed_cm_s)
+    since = t_s if wait is None else wait.since_s
+    if threat is not None and threat.obstacle.velocity_cm_s is None and t_s - since > PATIENCE_S:
+        return None, wait
     if threat is None:
-        return None
-    if threat.obstacle.velocity_cm_s is None and waits_s is not None and camera.t_s - waits_s > PATIENCE_S:
-        return None
+        if wait is None or t_s - wait.last_s > LINGER_S:
+            return None, None
+        return Command(0.0, 0.0, wait.reason), wait
+    reason = f"stop: {threat} crosses ahead, giving way"
     if threat.standing_cm < BERTH_CM and threat.back_cm > threat.standing_cm + 1.0:
         behind = look_ahead(obstacle_map, x, z, wrap(heading + math.pi))
         known = min(behind.room_cm, behind.unseen_cm)
         v = min(BACK_CM_S, brakeable_cm_s(config, known - config.clearance_cm))
         if v > 1.0:
-            return Command(-10 * v, 0.0, f"stepping back: {threat} comes this way")
-    return Command(0.0, 0.0, f"stop: {threat} crosses ahead, giving way")
+            back = f"stepping back: {threat} comes this way"
+            return Command(-10 * v, 0.0, back), Wait(since, t_s, reason)
+    return Command(0.0, 0.0, reason), Wait(since, t_s, reason)
 
 
 def _planned(

@@ -20,6 +20,7 @@ from host.nav.steer import (
     FIRST_ROOM_CM,
     Command,
     Plan,
+    Wait,
     body_of,
     decide,
     give_way,
@@ -31,7 +32,8 @@ from host.pose import Pose
 
 FRONTIER_CELLS = 6  # fewer at a place are gaps between pixels, not a part of the room
 NEAR_CM = 25.0  # frontiers nearer than this are below the camera's view
-TURN_CM = 40.0  # a frontier straight behind counts as this much further than one ahead
+GAIN_CM = 60.0  # a frontier's cells up to here from the place to go are seen from there
+ENOUGH_CELLS = 40  # and more than so many are not worth more
 AT_MOST_S = 25.0  # on the way to one frontier
 DONE_WITH_CM = 25.0  # around a place that was reached, or cannot be
 HOLD_GAIN = 2.0  # turn rate per heading error while approaching, 1/s
@@ -67,7 +69,7 @@ class Route:
 
 
 class Explore:
-    """Goes to the nearest border between floor seen and what was never seen, until there is none."""
+    """Goes to borders between floor seen and what was never seen, until there are none."""
 
     def __init__(self) -> None:
         self._plan = Plan()
@@ -105,7 +107,7 @@ class Explore:
         self, obstacle_map: ObstacleMap, t_s: float, here: tuple[float, float], heading: float
     ) -> None:
         assert self._floor is not None and self._known is not None
-        target = nearest_frontier(obstacle_map, self._floor, self._known, here, heading, self._done_with)
+        target = best_frontier(obstacle_map, self._floor, self._known, here, heading, self._done_with)
         if target != self._target:
             self._plan = replace(self._plan, way=None, made_s=-math.inf, aim=None, piece_from=None)
         self._target, self._chosen_s = target, t_s
@@ -125,7 +127,7 @@ def beside(cells: np.ndarray) -> np.ndarray:
     return cv2.dilate(cells.astype(np.uint8), np.ones((3, 3), np.uint8)).astype(bool)
 
 
-def nearest_frontier(
+def best_frontier(
     obstacle_map: ObstacleMap,
     floor: np.ndarray,
     known: np.ndarray,
@@ -133,7 +135,10 @@ def nearest_frontier(
     heading_rad: float,
     done_with: list[tuple[float, float]],
 ) -> tuple[float, float] | None:
-    """(x, z) of the nearest floor beside what was never seen that the robot can get to; None without any."""
+    """(x, z) of floor beside what was never seen, that the robot can get to; None without any.
+
+    The one that shows most for the time it takes to get there.
+    """
     fits = (floor | ~known) & (room_around(obstacle_map).to_filled >= tightest(obstacle_map))
     row, col = obstacle_map.cell_of(*here)
     fits[row, col] = True
@@ -144,9 +149,12 @@ def nearest_frontier(
     points = obstacle_map.points_where(border & np.isin(patches, large[large > 0]))
     if len(points) == 0:
         return None
+    config = obstacle_map.config
     away = np.hypot(points[:, 0] - here[0], points[:, 1] - here[1])
     aside = np.abs(wrap(np.arctan2(points[:, 0] - here[0], points[:, 1] - here[1]) - heading_rad))
-    cost = away + TURN_CM * aside / math.pi
+    time_s = away / config.speed_cm_s + aside / config.turn_rad_s
+    gain = np.minimum(_others_within(border, points, obstacle_map), ENOUGH_CELLS)
+    cost = (time_s + SETTLE_S) / gain
     usable = away > NEAR_CM
     for place in done_with:
         usable &= np.hypot(points[:, 0] - place[0], points[:, 1] - place[1]) > DONE_WITH_CM
@@ -154,6 +162,14 @@ def nearest_frontier(
         return None
     x, z = points[int(np.argmin(np.where(usable, cost, np.inf)))]
     return float(x), float(z)
+
+
+def _others_within(border: np.ndarray, points: np.ndarray, obstacle_map: ObstacleMap) -> np.ndarray:
+    """(K,) how many cells of a border (N, N) lie about each of its points."""
+    side = 2 * math.ceil(GAIN_CM / obstacle_map.config.cell_cm) + 1
+    around = cv2.boxFilter(border.astype(np.float32), -1, (side, side), normalize=False)
+    cells = np.floor((points + obstacle_map.half_cm) / obstacle_map.config.cell_cm).astype(int)
+    return around[cells[:, 1], cells[:, 0]]
 
 
 class Approach:
@@ -164,7 +180,7 @@ class Approach:
         self._heading: float | None = None
         self._start: tuple[float, float] | None = None
         self._stands_s: float | None = None  # since when
-        self._waits_s: float | None = None  # and since when for something that moves
+        self._wait: Wait | None = None
 
     def decide(self, obstacle_map: ObstacleMap, camera: Pose) -> Command:
         config = obstacle_map.config
@@ -172,11 +188,9 @@ class Approach:
         self._heading = heading if self._heading is None else self._heading
         self._start = self._start or (x, z)
         omega = max(-HOLD_RAD_S, min(HOLD_RAD_S, HOLD_GAIN * wrap(self._heading - heading)))
-        yielding = give_way(obstacle_map, camera, self._waits_s)
+        yielding, self._wait = give_way(self._wait, obstacle_map, camera)
         if yielding is not None:
-            self._waits_s = camera.t_s if self._waits_s is None else self._waits_s
             return yielding
-        self._waits_s = None
         ahead = look_ahead(obstacle_map, x, z, heading)
         thing, gap = front_ahead(obstacle_map, (x, z), self._heading)
         if thing is not None and gap - ahead.room_cm < COARSE_CELLS * config.cell_cm + thing.sigma_cm:

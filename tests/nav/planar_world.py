@@ -7,7 +7,7 @@ a region appears once the robot has driven a few centimetres, with a constant er
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
@@ -37,6 +37,20 @@ class Box:
         return math.hypot(max(self.x0 - x, 0.0, x - self.x1), max(self.z0 - z, 0.0, z - self.z1))
 
 
+@dataclass(frozen=True)
+class Shuttle:
+    """A box that goes to and fro along x at one speed."""
+
+    box: Box
+    reach_cm: float
+    speed_cm_s: float
+
+    def at(self, t_s: float) -> Box:
+        gone = self.speed_cm_s * t_s % (2 * self.reach_cm)
+        off = min(gone, 2 * self.reach_cm - gone)
+        return replace(self.box, x0=self.box.x0 + off, x1=self.box.x1 + off)
+
+
 @dataclass
 class PlanarWorld:
     """Truth: boxes, room, and the robot's body with its wheels."""
@@ -48,6 +62,7 @@ class PlanarWorld:
     depth_error: float = 0.03
     mismatch: float = 0.0  # the left wheel turns this part faster than told
     fps: float = 10.0
+    shuttles: tuple[Shuttle, ...] = ()
 
     def __post_init__(self) -> None:
         self.random = np.random.default_rng(self.seed)
@@ -59,7 +74,7 @@ class PlanarWorld:
         self.speed = np.zeros(2)
         self.command = (0.0, 0.0)
         self.driven_cm = 0.0
-        self.least_gap_cm = self.gap_cm()
+        self.least_gap_cm = self.least_driving_gap_cm = self.gap_cm()
         self.first_seen: dict[int, float] = {}
         self.bias: dict[int, float] = {}
         self.seq = 0
@@ -68,7 +83,11 @@ class PlanarWorld:
         """Between the rim and the nearest thing; negative in a collision."""
         x0, z0, x1, z1 = self.room
         walls = min(self.x - x0, x1 - self.x, self.z - z0, z1 - self.z)
-        return min([walls, *(b.distance(self.x, self.z) for b in self.boxes)]) - self.body.radius_cm
+        return min([walls, *(b.distance(self.x, self.z) for b in self.things())]) - self.body.radius_cm
+
+    def things(self) -> list[Box]:
+        """Where all boxes are now, those that move last."""
+        return [*self.boxes, *(shuttle.at(self.t_s) for shuttle in self.shuttles)]
 
     def camera_xz(self) -> tuple[float, float]:
         ahead = self.body.camera_ahead_cm
@@ -96,7 +115,10 @@ class PlanarWorld:
                     border = max(count, self.counts[i]) * self.body.cm_per_count
                     self.edges[i] = self.t_s - dt * (self.wheel_cm[i] - border) / (self.wheel_cm[i] - before)
                     self.counts[i] = count
-            self.least_gap_cm = min(self.least_gap_cm, self.gap_cm())
+            gap = self.gap_cm()
+            self.least_gap_cm = min(self.least_gap_cm, gap)
+            if abs(self.speed.mean()) > 1.0:
+                self.least_driving_gap_cm = min(self.least_driving_gap_cm, gap)
             if k % 5 == 4:
                 readings.append(WheelReading(self.t_s, *self.counts, *self.edges))
         return readings
@@ -160,7 +182,7 @@ class PlanarWorld:
             on_floor = floor < depth
             labels[on_floor] = FLOOR_ID
             depth = np.where(on_floor, floor, depth)
-            for k, box in enumerate(self.boxes):
+            for k, box in enumerate(self.things()):
                 tx = np.sort([(box.x0 - cx) / dx, (box.x1 - cx) / dx], axis=0)
                 tz = np.sort([(box.z0 - cz) / dz, (box.z1 - cz) / dz], axis=0)
                 near = np.maximum(tx[0], tz[0])
