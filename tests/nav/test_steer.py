@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from hypothesis import assume, given, settings
@@ -12,7 +13,7 @@ from host.nav.config import BodyConfig, NavConfig
 from host.nav.map import FREE, LIMIT, Obstacle, ObstacleMap
 from host.nav.odometry import heading_of
 from host.nav.plan import find_way, room_around
-from host.nav.steer import Plan, body_of, decide, look_ahead
+from host.nav.steer import Plan, body_of, decide, look_ahead, speed_ahead
 from host.pose import Pose
 
 BODY, CONFIG = BodyConfig(), NavConfig()
@@ -211,3 +212,80 @@ def test_it_stops_before_the_edge_of_the_map_and_plans_no_way_along_it():
     )
     assert command.v_mm_s == 0
     assert room_around(open_floor()).to_filled[-1].max() <= CONFIG.cell_cm
+
+
+def drive_on(plan: Plan, floor: ObstacleMap, goal: tuple[float, float], seconds: float):
+    """An ideal robot from the start over a map that does not change: its last command, and when it ended."""
+    x = z = heading = t = 0.0
+    command = None
+    while t < seconds:
+        command, plan = decide(plan, floor, camera(x, z, heading, t), goal)
+        if command.outcome is not None:
+            break
+        t += 0.05
+        heading += command.omega_rad_s * 0.05
+        x += command.v_mm_s / 200 * math.sin(heading)
+        z += command.v_mm_s / 200 * math.cos(heading)
+    return command, t
+
+
+def test_before_what_may_be_much_nearer_it_creeps_and_says_what_it_doubts():
+    floor = open_floor()
+    put(floor, -60, 60, 60, 70, region=12)
+    sure, _ = speed_ahead(look_ahead(floor, 0.0, 0.0, 0.0), floor)
+    floor.obstacles[12] = replace(floor.obstacles[12], sigma_cm=24.0)
+    v, reason = speed_ahead(look_ahead(floor, 0.0, 0.0, 0.0), floor)
+    assert sure == CONFIG.speed_cm_s
+    assert v == CONFIG.creep_cm_s
+    assert reason.startswith("creep: region 12 at 60 ±24.0 cm (area)") and "parallax" in reason
+
+
+def test_a_covered_goal_is_called_blocked_by_what_covers_it_without_looking_all_around():
+    floor = open_floor()
+    put(floor, -30, 100, 30, 150, region=9)
+    command, t = drive_on(Plan(begun=True), floor, (0, 125), 60.0)
+    assert command.outcome == "blocked"
+    assert "the goal is covered by region 9" in command.reason
+    assert t < 12.0
+
+
+def test_a_goal_too_near_the_edge_of_the_map_is_called_blocked_by_the_edge():
+    small = ObstacleMap(BODY, replace(CONFIG, map_half_cm=150.0))
+    small.evidence[:] = 2 * FREE
+    put(small, 100, 100, 130, 130)
+    command, _ = drive_on(Plan(begun=True), small, (149, 149), 60.0)
+    assert command.outcome == "blocked"
+    assert "the edge of the map; set nav.map_half_cm" in command.reason
+
+
+def test_a_way_is_found_over_blocks_as_well_as_over_cells_where_it_only_just_fits():
+    for gap in (21.0, 23.0, 26.0, 31.0):
+        floor = open_floor()
+        put(floor, -400, 100, -gap, 140)
+        put(floor, gap, 100, 400, 140)
+        room = room_around(floor)
+        way = find_way(floor, room, (0, 0), (0, 200), 0.0)
+        inside = [room.to_filled[floor.cell_of(x, z)] for x, z in way.points if 95 < z < 145]
+        assert way.to_goal
+        assert min(inside) >= BODY.radius_cm
+
+
+def test_it_steps_back_from_what_comes_straight_at_it_and_stands_where_it_cannot():
+    floor = open_floor()
+    floor.obstacles[5] = Obstacle(
+        5, 55.0, 1.0, "foot", (-8, 55), (8, 55), 0.0, moving=True, velocity_cm_s=(0.0, -15.0)
+    )
+    command, _ = decide(Plan(begun=True), floor, camera(0, 0, 0, 0.1), (0, 200))
+    assert command.v_mm_s < 0 and "region 5" in command.reason and "stepping back" in command.reason
+    put(floor, -40, -30, 40, -20)
+    command, _ = decide(Plan(begun=True), floor, camera(0, 0, 0, 0.1), (0, 200))
+    assert command.v_mm_s == 0 and "region 5" in command.reason and "giving way" in command.reason
+
+
+def test_what_moves_away_from_its_way_is_not_waited_for():
+    floor = open_floor()
+    floor.obstacles[5] = Obstacle(
+        5, 60.0, 1.0, "foot", (40, 60), (56, 60), 0.0, moving=True, velocity_cm_s=(12.0, 0.0)
+    )
+    command, _ = decide(Plan(begun=True), floor, camera(0, 0, 0, 0.1), (0, 200))
+    assert command.v_mm_s == 10 * CONFIG.speed_cm_s
