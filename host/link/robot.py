@@ -62,7 +62,8 @@ PING_PERIOD_S = 0.1
 LEARN_S = 2.0  # after connecting, in which the clocks' drift is learnt
 LEARN_PING_PERIOD_S = 0.02
 FIRST_PINGS = 16  # before the clock mapping is used
-PING_TIMEOUT_S = 0.05
+PING_TIMEOUT_S = 0.05  # at first; doubled for every one that is not answered
+PING_TIMEOUT_MAX_S = 0.2
 BYTE_S = 10 / BAUD  # on the line, start and stop bit included
 _PONG_S = BYTE_S * len(encode(Pong(0, 0), 0))
 ESTOP_COPIES = 3
@@ -282,16 +283,18 @@ class Robot:
         )
 
     def _compare_clocks(self, give_up_s: float) -> None:
-        answered = 0
+        answered, patience_s = 0, PING_TIMEOUT_S
         while answered < FIRST_PINGS:
             if self._clock.now_s() >= give_up_s:
                 raise DeviceError("the robot says HELLO but does not answer PING: check cable and firmware")
             self._ping()
-            overdue_s = self._pinged_s + PING_TIMEOUT_S
+            overdue_s = self._pinged_s + patience_s
             while self._pings and self._clock.now_s() < overdue_s:
                 self._clock.sleep_s(STEP_S)
                 self._read()
             answered += not self._pings
+            if self._pings:  # lost, or the line is slow
+                patience_s = min(2 * patience_s, PING_TIMEOUT_MAX_S)
             self._pings.clear()
 
     def close(self) -> None:
