@@ -177,6 +177,16 @@ def test_a_known_turn_carries_ids_across_a_jump_the_forces_could_not_follow():
     assert_sound(net)
 
 
+def test_what_flickers_but_was_tried_as_a_region_of_its_own_is_not_tried_at_every_flash():
+    net = Net()
+    cycles = []
+    for k in range(12):
+        speck = [(rectangle_coverage(SHAPE, (60.0, 50.0, 71.0, 61.0), 0.7), RED)] if k % 2 else []
+        cycles.append(net.track(add_noise(compose(SHAPE, WALL, speck), 2, k)).cycles)
+    assert cycles[1] > cycles[2], "cutting it out takes cycles"
+    assert max(cycles[2:]) == cycles[2]
+
+
 @pytest.mark.parametrize("value", [0, 255])
 def test_a_blank_frame_is_one_region(value):
     net = Net()

@@ -5,6 +5,7 @@
 #include <cstring>
 #include <map>
 #include <tuple>
+#include <utility>
 
 namespace rbdn {
 
@@ -13,6 +14,7 @@ namespace {
 constexpr int kSmallestPiece = 20;  // px; smaller cuttings stay with their face
 constexpr int kSpread = 4;          // px by which known off-pixels may have moved
 constexpr double kGrowth = 1.25;    // of a blob, after which it is tried again
+constexpr int kRememberedFrames = 5;  // in which a blob was not off: near the gate, noise lets blobs come and go
 constexpr int kTogether = 16;       // px that are passed over in one go
 constexpr int kCoarse = 2;          // px, at least, between the samples that are looked at first
 
@@ -196,12 +198,15 @@ std::vector<int> OffMemory::take_news(const PixelSet& off, double smallest_px, d
             news.insert(news.end(), begin, end);
             tried = size;
         }
-        for (auto pixel = begin; pixel != end; ++pixel) shown.push_back({*pixel, tried});
+        for (auto pixel = begin; pixel != end; ++pixel) shown.push_back({*pixel, tried, 0});
     }
-    forget();
+    std::vector<Tried> before = take_all();
     width_ = off.width();
     tried_px_.resize(static_cast<std::size_t>(off.width()) * off.height(), 0);
     remember(shown);
+    for (Tried& t : before) ++t.frames;
+    std::erase_if(before, [](const Tried& t) { return t.frames > kRememberedFrames; });
+    remember(before);
     return news;
 }
 
@@ -216,24 +221,31 @@ int OffMemory::tried_near(int pixel) const {
     return most;
 }
 
-void OffMemory::forget() {
-    for (int k : pixels_) tried_px_[k] = 0;
-    pixels_.clear();
+std::vector<OffMemory::Tried> OffMemory::take_all() {
+    for (const Tried& t : pixels_) tried_px_[t.pixel] = 0;
+    return std::exchange(pixels_, {});
+}
+
+// Where a pixel is there already, that stays.
+void OffMemory::remember(const std::vector<Tried>& tried) {
+    for (const Tried& t : tried) {
+        if (tried_px_[t.pixel] != 0) continue;
+        tried_px_[t.pixel] = t.size;
+        pixels_.push_back(t);
+    }
 }
 
 void OffMemory::move(const std::function<int(int)>& place) {
-    std::vector<std::pair<int, int>> moved;
-    for (int k : pixels_)
-        if (const int to = place(k); to >= 0) moved.push_back({to, tried_px_[k]});
-    forget();
-    for (const auto& [to, size] : moved) {
-        if (tried_px_[to] == 0) pixels_.push_back(to);
-        tried_px_[to] = size;
-    }
+    std::vector<Tried> moved = take_all();
+    for (Tried& t : moved) t.pixel = place(t.pixel);
+    std::erase_if(moved, [](const Tried& t) { return t.pixel < 0; });
+    remember(moved);
 }
 
 void OffMemory::turn(std::span<const int> source) {
     if (pixels_.empty()) return;
+    std::vector<int> frames(tried_px_.size());
+    for (const Tried& t : pixels_) frames[t.pixel] = t.frames;
     std::vector<Tried> turned;
     const int count = static_cast<int>(source.size());
     for (int first = 0; first < count; first += kTogether) {
@@ -242,17 +254,11 @@ void OffMemory::turn(std::span<const int> source) {
         for (int k = first; k < last; ++k) any |= tried_px_[std::max(source[k], 0)];
         if (any == 0) continue;
         for (int k = first; k < last; ++k)
-            if (source[k] >= 0 && tried_px_[source[k]] != 0) turned.push_back({k, tried_px_[source[k]]});
+            if (source[k] >= 0 && tried_px_[source[k]] != 0)
+                turned.push_back({k, tried_px_[source[k]], frames[source[k]]});
     }
-    forget();
+    take_all();
     remember(turned);
-}
-
-void OffMemory::remember(const std::vector<Tried>& shown) {
-    for (const Tried& t : shown) {
-        tried_px_[t.pixel] = t.size;
-        pixels_.push_back(t.pixel);
-    }
 }
 
 int fragment_faces(Mesh& mesh, std::vector<int>& labels, const std::vector<int>& pixels, int square_px) {

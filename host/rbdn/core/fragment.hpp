@@ -57,16 +57,18 @@ public:
 
 private:
     struct Tried {
-        int pixel, size;
+        int pixel;
+        int size;
+        int frames;  // since it was last off
     };
 
     int tried_near(int pixel) const;
-    void forget();
-    void remember(const std::vector<Tried>& shown);
+    std::vector<Tried> take_all();
+    void remember(const std::vector<Tried>& tried);
 
     int width_ = 0;
-    std::vector<int> tried_px_;  // by pixel: size of its blob when that was last tried, 0 for never
-    std::vector<int> pixels_;    // those that have one
+    std::vector<int> tried_px_;   // by pixel: size of its blob when that was last tried, 0 for never
+    std::vector<Tried> pixels_;   // those that have one
 };
 
 // Cuts pixels out of their faces into faces of their own, in squares, so that the deformation can regroup them.
