@@ -125,8 +125,9 @@ def main() -> int:
                 rig.watch(view)
                 ticker.show(log)
 
-            def on_refusal(frame: Frame | None, why: str) -> None:
+            def on_refusal(frame: Frame | None, why: str, log: DriveLog) -> None:
                 rig.refuse(why)
+                ticker.show(log)
 
             wall_s = max(options.max_time, LONGEST_WALL_S)
             log, code = drive(
@@ -231,6 +232,9 @@ def _summary_rows(result: dict[str, Any]) -> list[tuple[str, str]]:
     def number(value: float | None, unit: str, digits: int = 1) -> str:
         return "not known" if value is None else f"{value:.{digits}f} {unit}"
 
+    def spread(times: dict[str, float | None]) -> str:
+        return f"median {number(times['median'], 'ms', 2)}, p95 {number(times['p95'], 'ms', 2)}"
+
     ms, depth, error = result["frame_time_ms"], result["depth_errors"], result["final_pose_error"]
     rows = [
         ("time", number(result["duration_s"], "s")),
@@ -249,8 +253,18 @@ def _summary_rows(result: dict[str, Any]) -> list[tuple[str, str]]:
     frames = f"{result['frames']}, {result['dropped_frames']} dropped"
     if result["limited_frames"]:
         frames += f", a budget of the net acted in {result['limited_frames']}"
+    if result["refused_frames"]:
+        frames += f", {result['refused_frames']} not driven on"
     rows.append(("frames", frames))
-    rows.append(("frame time", f"median {number(ms['median'], 'ms')}, p95 {number(ms['p95'], 'ms')}"))
+    rows.append(("frame time", spread(ms)))
+    rows += [(f"  of it {stage}", spread(times)) for stage, times in result["stage_ms"].items()]
+    rows.append(("exposure to command", spread(result["latency_ms"])))
+    rows.append(("stops on the way", str(result["times_stopped"])))
+    if result["times_forgotten"]:
+        rows.append(("carried off or slipped", f"{result['times_forgotten']} times: map begun anew"))
+    lost = len(result["reconnections"])
+    if lost or result["faults_cleared"]:
+        rows.append(("robot lost or at fault", f"{lost} and {result['faults_cleared']} times"))
     return rows
 
 

@@ -57,7 +57,7 @@ def drive(
     max_wall_s: float,
     on_view: Callable[[View, DriveLog], None],
     bound_for: bool = True,
-    on_refusal: Callable[[Frame | None, str], None] = lambda frame, why: None,
+    on_refusal: Callable[[Frame | None, str, DriveLog], None] = lambda frame, why, log: None,
 ) -> tuple[DriveLog, int]:
     """Drive until something ends it; the motors are stopped before anything else happens then.
 
@@ -131,7 +131,7 @@ class _Trip:
         self.config: NavConfig = config
         self.log: DriveLog = log
         self.on_view: Callable[[View, DriveLog], None] = on_view
-        self.on_refusal: Callable[[Frame | None, str], None] = on_refusal
+        self.on_refusal: Callable[[Frame | None, str, DriveLog], None] = on_refusal
         self.pictures = FrameWatch(config)
         assert camera.lens is not None, "whoever opens a camera to drive by sees to that"
         self.wheels = WheelWatch(camera.lens)
@@ -142,6 +142,7 @@ class _Trip:
         self.under_way = False  # the wheels do what was made of the last picture
         self.fresh_wanted = 0  # pictures to look at before moving again
         self.calm_s = -math.inf  # and not before this
+        self.carried = False  # since when it has not moved by itself
         self.cleared_s = -math.inf
         self.faults = _Often(FAULTS_ALLOWED)
         self.holds = _Often(HOLDS_ALLOWED)
@@ -164,10 +165,10 @@ class _Trip:
         if frame is None or objection is not None or self._deaf():
             self._refuse(frame, objection or self._deaf() or "no picture")
             return
-        self.seeing_s = now_s
         view = self._understand(frame, now_s)
         if view is None:
             return
+        self.seeing_s = now_s
         doubt = self.wheels.doubt(view)
         if doubt is not None:
             self._refuse(frame, doubt)
@@ -324,15 +325,20 @@ class _Trip:
         self.fresh_wanted = max(0, self.fresh_wanted - 1)
         if now_s < self.calm_s:
             return f"waiting for {CALM_S:g} s or more in which nothing strange happens"
+        if self.carried:
+            self.carried = False
+            self._start_anew()  # what was seen on the way here is no more true than what was before
+            self.fresh_wanted = FRESH_PICTURES
         return "looking again before going on" if self.fresh_wanted > 0 else None
 
     def _refuse(self, frame: Frame | None, objection: str) -> None:
         """Stand still; after a while of this give up."""
         self._stand()
-        now_s = self.clock.now_s()
-        self.log.refused_frames += 1
-        self.log.decide(now_s - self.begin_s, 0.0, 0.0, f"stop: {objection}")
-        self.on_refusal(frame, objection)
+        log, now_s = self.log, self.clock.now_s()
+        log.refused_frames += 1
+        log.decide(now_s - self.begin_s, 0.0, 0.0, f"stop: {objection}")
+        log.duration_s = now_s - self.begin_s
+        self.on_refusal(frame, objection, log)
         if now_s - self.seeing_s > BLIND_S:
             raise _Ended("stopped", f"nothing to drive on for {BLIND_S:g} s: {objection}", EXIT_DEVICE)
 
@@ -341,9 +347,13 @@ class _Trip:
         if self.slips.too_often(self.clock.now_s()):
             raise _Ended("stopped", f"more than {SLIPS_ALLOWED} times in {AWHILE_S:g} s: {why}", EXIT_SAFETY)
         self.calm_s = self.clock.now_s() + CALM_S * self.slips.lately(self.clock.now_s())
+        self.carried = True
+        self._start_anew()
+        self.log.times_forgotten += 1
+
+    def _start_anew(self) -> None:
         self.pilot.forget()
         self.wheels.forget()
-        self.log.times_forgotten += 1
 
     # --- Notes ---------------------------------------------------------------------------------
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import cv2
@@ -18,6 +19,7 @@ from host.view.floor_picture import Floor, FloorObstacle, draw_floor
 from host.view.net_picture import draw_net
 
 MOST = 8  # frames kept; beyond, every second one is let go
+MOST_STOPS = 6  # and of those at which it stopped for something, one for each thing
 
 
 class Gallery:
@@ -27,15 +29,31 @@ class Gallery:
         self._kept: list[View] = []
         self._last: View | None = None
         self._every_s = 1.0
+        self._stops: dict[str, View] = {}  # by what it stopped for
+        self._moved = False
 
     def add(self, view: View) -> None:
+        """Look at a frame that was driven on."""
         self._last = view
+        self._note_stop(view)
         if self._kept and view.frame.t_s - self._kept[-1].frame.t_s < self._every_s:
             return
         self._kept.append(view)
         if len(self._kept) > MOST:
             self._kept = self._kept[::2]
             self._every_s *= 2
+
+    def _note_stop(self, view: View) -> None:
+        """Of stops for one thing the last is kept, where it is nearest and known best."""
+        command = view.command
+        stands = command.v_mm_s == command.omega_rad_s == 0.0
+        thing = re.search(r"region \d+", command.reason)
+        if stands and self._moved and thing is not None:
+            self._stops.pop(thing[0], None)
+            self._stops[thing[0]] = view
+            if len(self._stops) > MOST_STOPS:
+                del self._stops[next(iter(self._stops))]
+        self._moved = not stands
 
     def write(
         self,
@@ -45,14 +63,15 @@ class Gallery:
         goal_cm: tuple[float, float] | None,
         log: DriveLog,
     ) -> None:
-        """frame_SEQ.png for every frame kept, and path.png."""
+        """frame_SEQ.png for every frame kept, stop_SEQ.png for the stops, and path.png."""
         views = list(self._kept)
         if self._last is not None and self._last is not views[-1]:
             views.append(self._last)
-        for view in views:
-            caption = f"{view.frame.t_s:.1f} s  {view.command.reason}"
-            picture = draw_net(view.frame.image, view.snapshot, view.depths, caption)
-            _write_png(folder / f"frame_{view.frame.seq:05d}.png", picture)
+        for name, kept in (("frame", views), ("stop", self._stops.values())):
+            for view in kept:
+                caption = f"{view.frame.t_s:.1f} s  {view.command.reason}"
+                picture = draw_net(view.frame.image, view.snapshot, view.depths, caption)
+                _write_png(folder / f"{name}_{view.frame.seq:05d}.png", picture)
         if log.last_pose is None:
             return
         standing = set(obstacle_map.region[obstacle_map.occupied].tolist())

@@ -24,7 +24,7 @@ from host.pose import Pose
 from host.rbdn import Contour, Region
 
 LEAST_POINTS = 6
-LEAST_PX = 4.0  # expected way from which slipping can be told
+LEAST_PX = 3.0  # expected way from which slipping can be told
 SIGMAS = 6.0  # and it must be this much longer than what the heading by the wheels may be off by
 SLIPS_BELOW = 0.5  # share of the expected way, of points that are known by name
 SHARE_SIGMA = 0.12  # how well it must be known
@@ -33,6 +33,10 @@ NOD_PX = 2.0  # and of the camera's pitch
 OFF_PX = 2.0  # points that are on the mean so far from any edge are not where they should be,
 STILL_SHARE = 0.4  # and where they were they are nearer to one by this factor
 FAR_PX = 8.0
+SURE = 0.15  # relative standard error of a depth to go by
+STRANGE_PICTURES = 2  # one after the other, or a single one
+AT_ONCE_PX = 20.0  # by this much
+ASTRAY_PX = 25.0  # or that many since a while ago
 STRANGE_PX = 10.0  # ways that differ by more than this from what is expected,
 RECENT = 4  # and by more than any way expected in so many pictures, are no error of the wheels or of times
 SAME_SHARE = 0.7  # of the picture shows the same regions as the last one; less is another place
@@ -41,9 +45,10 @@ SMALL = (32, 24)  # parts of the picture that are compared as a whole
 MEAN_LEVEL = 100.0
 OTHER_LEVELS = 10.0  # change of a part in brightness that shows something else
 OTHER_SHARE = 0.25  # of all parts
+SOME_SHARE = 0.1  # of all parts, where regions are gone as well
 STILL_PX, STILL_CM = 2.0, 0.5  # motion by the wheels from picture to picture that changes no part as a whole
 TURN_COSTS = 2.0  # times the part of the picture that a turn brings in may be new
-TURN_ONLY_CM = 1.0  # less travel than this does not show in a picture
+TURN_ONLY_CM = 2.0  # less travel moves even what is not known, and so may be near, by less than STRANGE_PX
 WINDOW_S = 1.5  # a picture further back is no moment ago
 
 
@@ -61,10 +66,13 @@ class _Points:
         vertices, depths = view.snapshot.vertices, view.depths
         good = np.isfinite(vertices.sigma_px)
         ids, pixels = [vertices.ids[good]], [vertices.xy_px[good]]
-        z_cm = [depths.vertices.xyz_cm[good, 2]]
+        z, sigma = depths.vertices.xyz_cm[good, 2], depths.vertices.sigma_cm[good]
+        z_cm = [np.where(sigma < SURE * z, z, np.nan)]
         for region in view.snapshot.regions:
             depth = depths.regions.get(region.id)
-            if region.touches_border or depth is None or depth.depth_cm is None:
+            if region.touches_border or depth is None or depth.depth_cm is None or depth.sigma_cm is None:
+                continue
+            if depth.sigma_cm > SURE * depth.depth_cm:
                 continue
             loop = region.loops[0]
             ends = [*loop.argmin(axis=0), *loop.argmax(axis=0)]
@@ -117,12 +125,14 @@ class WheelWatch:
         self._from: _Points | None = None  # where ways begin
         self._last: _Points | None = None
         self._small: np.ndarray | None = None
+        self._strange_ones = 0  # pictures in a row
         self._regions: dict[int, Region] = {}
         self._expected_px: deque[float] = deque(maxlen=RECENT)
 
     def forget(self) -> None:
         """Begin anew with the next picture."""
         self._from = self._last = self._small = None
+        self._strange_ones = 0
         self._regions = {}
 
     def doubt(self, view: View) -> str | None:
@@ -135,9 +145,12 @@ class WheelWatch:
         if begin is None or last is None or now.pose.t_s - begin.pose.t_s > WINDOW_S:
             self._from = now
             return None
-        found = self._elsewhere(before, regions, last.pose, now.pose)
-        found = found or self._other(view.frame.image, last.pose, now.pose)
+        changed = self._changed(view.frame.image)
+        found = self._other(changed, last.pose, now.pose)
+        if changed > SOME_SHARE:  # else it is the net that sees the same differently
+            found = found or self._elsewhere(before, regions, last.pose, now.pose)
         found = found or self._strange(ways_between(last, now, self._lens), last, now)
+        found = found or self._astray(ways_between(begin, now, self._lens), begin, now)
         return found or self._slips(begin, now, view.snapshot.contour)
 
     def _elsewhere(
@@ -155,18 +168,20 @@ class WheelWatch:
             "explain; carried away, or the camera was hit"
         )
 
-    def _other(self, image: np.ndarray, last: Pose, now: Pose) -> str | None:
+    def _changed(self, image: np.ndarray) -> float:
+        """Share of the picture that is not as bright as in the last one, whatever the exposure."""
         small = cv2.cvtColor(cv2.resize(image, SMALL, interpolation=cv2.INTER_AREA), cv2.COLOR_BGR2GRAY)
-        levels = small * (MEAN_LEVEL / max(float(small.mean()), 1.0))  # whatever the exposure
+        levels = small * (MEAN_LEVEL / max(float(small.mean()), 1.0))
         before, self._small = self._small, levels
+        return 0.0 if before is None else float((np.abs(levels - before) > OTHER_LEVELS).mean())
+
+    def _other(self, changed: float, last: Pose, now: Pose) -> str | None:
         turned_px = abs(wrap(heading_of(now) - heading_of(last))) * self._lens.fx
-        if before is None or turned_px > STILL_PX or math.dist(last.position_cm, now.position_cm) > STILL_CM:
-            return None
-        share = float((np.abs(levels - before) > OTHER_LEVELS).mean())
-        if share < OTHER_SHARE:
+        way_cm = math.dist(last.position_cm, now.position_cm)
+        if changed < OTHER_SHARE or turned_px > STILL_PX or way_cm > STILL_CM:
             return None
         return (
-            f"picture shows another place: {100 * share:.0f} % of it changed at once while the wheels stood; "
+            f"picture shows another place: {100 * changed:.0f} % of it changed at once as the wheels stood; "
             "lifted and put elsewhere, or the camera was hit"
         )
 
@@ -175,9 +190,20 @@ class WheelWatch:
             return None
         self._expected_px.append(ways.expected_px)
         allowed = max(STRANGE_PX, *self._expected_px, SIGMAS * self._heading_px(last, now))
-        if ways.strange_px <= allowed:
+        self._strange_ones = self._strange_ones + 1 if ways.strange_px > allowed else 0
+        at_once = ways.strange_px > max(allowed, AT_ONCE_PX)
+        if self._strange_ones < STRANGE_PICTURES and not at_once:
             return None
         return f"picture moved {ways.strange_px:.0f} px otherwise than the wheels: pushed, lifted or slipping"
+
+    def _astray(self, ways: _Ways, begin: _Points, now: _Points) -> str | None:
+        """The same over a longer while, in which little adds up."""
+        if len(ways.found) < LEAST_POINTS:
+            return None
+        if ways.strange_px <= max(ASTRAY_PX, ways.expected_px, SIGMAS * self._heading_px(begin, now)):
+            return None
+        self._from = now
+        return f"picture moved {ways.strange_px:.0f} px otherwise than the wheels: slipping, pushed or lifted"
 
     def _slips(self, begin: _Points, now: _Points, contour: Contour) -> str | None:
         """Are points, or at least the edges, where they were and not where the wheels would have them?"""
@@ -185,7 +211,7 @@ class WheelWatch:
         heading_px = self._heading_px(begin, now)
         if len(ways.found) >= LEAST_POINTS:
             share, sigma = ways.share(heading_px)
-            if sigma > SHARE_SIGMA:
+            if sigma > SHARE_SIGMA or ways.expected_px < LEAST_PX:
                 return None
             self._from = now
             if share + 3 * sigma > SLIPS_BELOW:

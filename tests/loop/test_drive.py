@@ -241,6 +241,18 @@ def test_a_bad_line_stops_nothing_and_the_way_is_known_as_well(faults: dict[str,
     assert off_cm(simulation, log) < 1.0
 
 
+def test_a_line_that_takes_thirty_milliseconds_each_way_is_good_enough_to_drive_on():
+    simulation = Simulation("sim:room?seed=3")
+    slow = Faults(delay_s=0.03)
+    line = FaultyLine(simulation.transport, simulation.clock, slow, slow, seed=2)
+    log, code = run(simulation, line=line, max_time_s=4.0)
+    assert (log.outcome, code) == ("timeout", EXIT_DONE)
+    assert (log.reconnections, log.faults_cleared, log.refused_frames) == ([], 0, 0)
+    assert travel_cm(simulation) > 8.0
+    assert off_cm(simulation, log) < 2.0
+    assert stands(simulation)
+
+
 def test_a_cable_that_is_never_put_back_ends_the_drive():
     simulation = Simulation("sim:room?seed=3")
     cable = Cable(simulation, 2.0, 1e9)

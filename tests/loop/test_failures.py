@@ -106,7 +106,7 @@ def test_a_robot_that_is_lifted_and_put_elsewhere_stands_forgets_and_goes_on():
     assert log.outcome in ("timeout", "goal"), log.reason
     assert said(log, "lifted") or said(log, "carried away"), [d.reason for d in log.decisions]
     assert log.times_forgotten >= 1
-    assert watched.wheels_stood(FROM_S + 0.9, 5.0)  # also a while after it was put down
+    assert watched.wheels_stood(FROM_S + 0.9, 4.5)  # all the time in the air
     assert watched.went_cm(8.0, 14.0) > 8.0
     assert watched.simulation.body.collisions == 0
     assert stands(watched.simulation)
