@@ -226,7 +226,9 @@ class Body:
         self.collisions = self.run_into = 0
         self.distance_cm = 0.0
         self.min_clearance_cm = self._clearance_cm = self._gap_cm(self._x, self._z)
-        self._unseen_cm = 0.0  # travelled since the clearance was measured
+        fastest_cm_s = max((mover.speed_cm_s for mover in world.movers), default=0.0)
+        self._approach_cm = STEP_S * fastest_cm_s  # of a mover in a step
+        self._unseen_cm = 0.0  # that robot and movers can have come nearer since the clearance was measured
         self._touching = self._pressed = False  # by its own doing; by a mover's
 
     @property
@@ -351,9 +353,9 @@ class Body:
 
         The wheels then slip on the spot, and the encoders go on counting.
         """
-        self._unseen_cm += step
-        # The gap to what stands shrinks by no more than the way, so that far from it nobody needs to look.
-        if not self._world.movers and self._unseen_cm < min(LOOK_CM, self._clearance_cm):
+        self._unseen_cm += step + self._approach_cm
+        # The gap shrinks by no more than both ways, so that far from everything nobody needs to look.
+        if self._unseen_cm < min(LOOK_CM, self._clearance_cm):
             return False
         gap = self._gap_cm(x, z)
         if gap < 0.0 and gap < (here := self._gap_cm(self._x, self._z)):

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
 from host.camera.lens import Lens
-from host.sim.things import Ball, Board, Box, Cylinder, Material, Mover, Rgb, Thing
+from host.sim.things import Ball, Board, Box, Cylinder, Group, Material, Mover, Rgb, Thing
 from host.sim.world import Room, World
 
 PATH_WIDTH_CM = 40.0  # every room has a way this wide to its goal
@@ -52,7 +53,10 @@ def boxes(seed: int = 0) -> World:
 
 
 def room(seed: int = 0, objects: int = 8) -> World:
-    """A furnished room of about 3 by 5 m, with one thing near the straight way to the goal."""
+    """A furnished room of about 3 by 5 m with a door or two, and one thing near the straight way to the goal.
+
+    In every other room one thing looks nearly as the front wall does. No objects: no doors either.
+    """
     rng = np.random.default_rng((0x600D, seed))
     width, length = rng.uniform(270, 340), rng.uniform(440, 560)
     left = -width * rng.uniform(0.38, 0.62)
@@ -88,7 +92,34 @@ def room(seed: int = 0, objects: int = 8) -> World:
                 if more.has_path(PATH_WIDTH_CM):
                     world = more
                     break
-    return world
+    return _lived_in(world) if objects else world
+
+
+def _lived_in(world: World) -> World:
+    """With doors in the walls, and perhaps one thing of low contrast."""
+    rng = np.random.default_rng((0xD004, world.seed))
+    room, things = world.room, list(world.things)
+    if len(things) > 1 and rng.random() < 0.5:
+        n = int(rng.integers(1, len(things)))
+        things[n] = _painted(things[n], _like(rng, room.front_wall.rgb))
+    paint = DOOR_COLOURS[rng.integers(len(DOOR_COLOURS))]
+    ahead = rng.uniform(120, room.front_cm - 60, 2)
+    across = rng.uniform(room.left_cm + 60, room.right_cm - 60)
+    places = {
+        "left": (room.left_cm + 1, ahead[0], -math.pi / 2),
+        "right": (room.right_cm - 1, ahead[1], math.pi / 2),
+        "front": (across, room.front_cm - 1, 0.0),
+    }
+    for wall in rng.permutation(list(places))[: int(rng.integers(1, 3))]:
+        look = Material(paint, contrast=0.03, scale_cm=9.0, seed=int(rng.integers(1 << 31)))
+        x, z, yaw = places[str(wall)]
+        things.append(Board(f"door_{wall}", float(x), float(z), 84.0, 200.0, yaw, look))
+    return replace(world, things=tuple(things))
+
+
+def _painted(thing: Thing, rgb: Rgb) -> Thing:
+    assert not isinstance(thing, Group)
+    return replace(thing, material=replace(thing.material, rgb=rgb))
 
 
 def corridor(seed: int = 0) -> World:
@@ -190,6 +221,52 @@ def with_mover(world: World) -> World:
         other_end = (float(ends[far][0]), float(ends[far][1]))
         return replace(world, movers=(Mover(thing, other_end, speed, ahead_s),))
     raise AssertionError(f"{world.name} {world.seed} is too narrow for a mover")
+
+
+LOOP_CLEAR_CM = 26.0  # from the middle of a robot of 12 cm to anything
+LOOP_STEP_CM = 30.0  # least distance between two goals
+
+
+def free_loop(world: World, length_cm: float) -> list[tuple[float, float]]:
+    """Goals (x, z), in truth, of a way of at least this length that returns to the start; for benchmarks.
+
+    It goes round through places from which the next can be seen: straight from goal to goal there is room for
+    a robot, with 14 cm to spare on both sides. A round is repeated until the way is long enough.
+
+    Raises
+    ------
+    ValueError
+        There is no such round in this world.
+    """
+    rng = np.random.default_rng((0x10097, world.seed))
+    room, start = world.room, (0.0, 0.0)
+    low = np.array([room.left_cm, room.back_cm]) + LOOP_CLEAR_CM
+    high = np.array([room.right_cm, room.front_cm]) - LOOP_CLEAR_CM
+    places = rng.uniform(low, high, (400, 2))
+    places = places[world.distance_cm(places) > LOOP_CLEAR_CM]
+    best: list[tuple[float, float]] = []
+    best_cm = 0.0
+    for _ in range(300):
+        middle = places[rng.integers(len(places))] if len(places) else np.zeros(2)
+        chosen = places[rng.permutation(len(places))[: int(rng.integers(3, 8))]]
+        order = np.argsort(np.arctan2(*(chosen - middle).T))
+        goals = [(float(x), float(z)) for x, z in chosen[order]] + [start]
+        legs = list(pairwise([start, *goals]))
+        if min(math.dist(a, b) for a, b in legs) < LOOP_STEP_CM or not all(
+            _is_free(world, a, b) for a, b in legs
+        ):
+            continue
+        round_cm = sum(math.dist(a, b) for a, b in legs)
+        if round_cm > best_cm:
+            best, best_cm = goals, round_cm
+    if not best:
+        raise ValueError(f"no round way is free in {world.name} {world.seed}")
+    return best * math.ceil(length_cm / best_cm)
+
+
+def _is_free(world: World, a: tuple[float, float], b: tuple[float, float]) -> bool:
+    parts = np.linspace(0.0, 1.0, max(2, math.ceil(math.dist(a, b) / 2.0)))[:, None]
+    return bool(world.distance_cm(np.array(a) + parts * (np.array(b) - a)).min() > LOOP_CLEAR_CM)
 
 
 def _room_cm(world: World, begin: np.ndarray, way: np.ndarray, radius: float) -> float:

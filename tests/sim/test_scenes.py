@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from host.pose import Pose
+from host.sim.drive_scenes import free_loop
 from host.sim.experiment_scenes import experiment_1, experiment_2, experiment_3, slants
 from host.sim.render import Renderer, TrueFrame, Webcam, WebcamModel
 from host.sim.scenes import world_from_uri
@@ -189,3 +190,44 @@ def test_a_bottle_is_one_thing_without_gaps():
         for lower, upper in pairwise(bottle.pieces):
             assert isinstance(lower, Cylinder | Cone)
             assert upper.base_cm == pytest.approx(lower.base_cm + lower.height_cm)
+
+
+# --- Rooms as they are lived in --------------------------------------------------------------------
+
+
+def test_rooms_have_a_door_or_two_at_their_walls_and_half_of_them_something_of_low_contrast() -> None:
+    walls, faint = set(), 0
+    for seed in range(40):
+        world = world_from_uri(f"sim:room?seed={seed}")
+        doors = [thing for thing in world.things if isinstance(thing, Board)]
+        assert 1 <= len(doors) <= 2 and world.has_path(40.0)
+        walls |= {door.name for door in doors}
+        wall = np.array(world.room.front_wall.rgb)
+        rest = [thing for thing in world.things if not isinstance(thing, Board)]
+        likeness = [np.abs(np.array(thing.material.rgb) / wall - 0.79).max() for thing in rest]  # type: ignore[union-attr]
+        faint += min(likeness) < 0.13
+    assert walls == {"door_left", "door_right", "door_front"}
+    assert 10 <= faint <= 30
+
+
+# --- Round ways ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("scene", ["room", "corridor", "clutter"])
+def test_a_round_way_is_free_long_enough_and_returns_to_the_start(scene: str) -> None:
+    found = 0
+    for seed in range(12):
+        world = world_from_uri(f"sim:{scene}?seed={seed}")
+        try:
+            goals = free_loop(world, 2000.0)
+        except ValueError:
+            continue
+        found += 1
+        assert goals == free_loop(world, 2000.0) and goals[-1] == (0.0, 0.0)
+        way = [(0.0, 0.0), *goals]
+        assert sum(math.dist(a, b) for a, b in pairwise(way)) >= 2000.0
+        for a, b in pairwise(way):
+            assert math.dist(a, b) >= 30.0
+            between = np.array(a) + np.linspace(0, 1, 200)[:, None] * (np.array(b) - np.array(a))
+            assert world.distance_cm(between).min() > 25.0
+    assert found >= 10

@@ -34,6 +34,10 @@ def drawn_free(world: World) -> tuple[np.ndarray, float, float]:
             size = (thing.width_cm, thing.depth_cm)
             corners = cv2.boxPoints((centre, size, -math.degrees(thing.yaw_rad)))
             cv2.fillPoly(free, [np.round(corners).astype(np.int32)], 0)
+        elif isinstance(thing, Board):
+            half = thing.width_cm / 2 * np.array([math.cos(thing.yaw_rad), -math.sin(thing.yaw_rad)])
+            begin, end = np.round([centre - half, centre + half]).astype(int).tolist()
+            cv2.line(free, begin, end, 0)
         else:
             cv2.circle(free, [round(c) for c in centre], round(thing.reach_cm), 0, cv2.FILLED)
     return free, x0, z0
@@ -99,7 +103,7 @@ def test_rooms_are_about_three_by_five_metres_with_a_goal_two_to_three_ahead_and
 def test_rooms_differ_by_seed_and_agree_with_themselves():
     assert room(7) == room(7)
     assert room(7).things != room(8).things
-    assert len(room(7, objects=2).things) == 2
+    assert len([thing for thing in room(7, objects=2).things if not isinstance(thing, Board)]) == 2
     assert room(7, objects=0).things == ()
 
 
