@@ -20,6 +20,7 @@ from host.pose import Pose
 MOST_S = 0.08  # late or early
 GRID_S = np.linspace(-MOST_S, MOST_S, 41)
 USUAL_S = 0.03  # standard deviation of what is expected before anything is seen
+ROWS_SIGMA_S = 0.002  # rows are exposed one after another, and what is seen best may lie above or below
 PAIRS = 3  # a picture is compared with so many earlier ones
 LONGEST_S = 0.7  # between two pictures compared
 KEPT = 48  # pictures
@@ -109,7 +110,7 @@ class Delay:
         weight /= weight.sum()
         mean = float(weight @ GRID_S)
         spread = float(weight @ (GRID_S - mean) ** 2)
-        return mean, math.sqrt(spread + (0.25 * (GRID_S[1] - GRID_S[0])) ** 2)
+        return mean, math.hypot(math.sqrt(spread), ROWS_SIGMA_S)
 
     def learn(self, stamp_s: float, pose: Pose, motion: SolvedMotion | None, odometry: Odometry) -> None:
         """Take in what the net saw of the motion.
