@@ -35,6 +35,8 @@ FRONT_GAIN = 0.1  # share of one frame in what is remembered of a thing's front
 SURPRISE = 0.7  # log-odds a frame is worth that shows a thing below which the map knows nothing but floor
 DOUBT = -0.5  # and what is left of that floor
 NEARER = 0.5  # a thing whose foot is below the picture is taken to be this part nearer than the border
+MEMORY_CM = 1500.0  # evidence fades to 1/e over so much travel
+MEMORY_RAD = 30.0  # or so much turning
 BRIEF = 2.0  # what moves, and what nobody knows the place of, never counts for more
 PRESUMED = 1.0  # what is only presumed behind a surface never counts for more
 
@@ -77,7 +79,7 @@ class ObstacleMap:
         self._front_cm: dict[int, float] = {}  # before a region's mean depth
         self._half = side // 2 * config.cell_cm
         self.centres_cm = (np.arange(side) + 0.5) * config.cell_cm - self._half
-        self._t_s: float | None = None
+        self._last: tuple[float, float, float, float] | None = None  # time, x, z, heading
         self.floor = FloorFinder(body.camera_height_cm)
 
     # ---- asking ----
@@ -153,7 +155,7 @@ class ObstacleMap:
 
         The image, BGR, is looked at where the net has made one region of floor and wall.
         """
-        self._fade(pose.t_s)
+        self._fade(pose)
         picture = Picture(snapshot, lens, rays_of(lens, pose))
         self.floor.update(snapshot, report, pose, picture, image)
         feet = Feet(picture, self.floor, pose, self.body.camera_height_cm)
@@ -204,10 +206,17 @@ class ObstacleMap:
         depths = np.arange(0.0, border + self.config.cell_cm, self.config.cell_cm).tolist()
         return any(self.evidence[self.cell_of(*feet.point(column, d))] > OCCUPIED for d in depths)
 
-    def _fade(self, t_s: float) -> None:
-        if self._t_s is not None:
-            self.evidence *= math.exp(-max(0.0, t_s - self._t_s) / self.config.memory_s)
-        self._t_s = t_s
+    def _fade(self, pose: Pose) -> None:
+        """Less is known of what was seen long ago, and of where it is after much travel and many turns."""
+        t_s, heading = pose.t_s, heading_of(pose)
+        x, z = float(pose.position_cm[0]), float(pose.position_cm[2])
+        if self._last is not None:
+            last_s, last_x, last_z, last_heading = self._last
+            turn = math.remainder(heading - last_heading, 2 * math.pi)
+            age = max(0.0, t_s - last_s) / self.config.memory_s
+            age += math.hypot(x - last_x, z - last_z) / MEMORY_CM + abs(turn) / MEMORY_RAD
+            self.evidence *= math.exp(-age)
+        self._last = t_s, x, z, heading
         self.obstacles = {k: o for k, o in self.obstacles.items() if t_s - o.t_s < 2 * self.config.memory_s}
         self._tracks.forget(t_s)
         self._front_cm = {k: front for k, front in self._front_cm.items() if k in self.obstacles}
@@ -256,8 +265,10 @@ class ObstacleMap:
                 filled = (off > -min(half + 0.5 * thing.sigma_cm, 3 * half)) & (off < deep)
                 filled &= (off < shell) | (np.abs(before[mine]) < PRESUMED)
             if thing.region in movers:
-                before[mine[filled]] = np.maximum(before[mine[filled]], DOUBT)
-            change[mine[filled]] = SURPRISE if fleeting else thing.weight
+                before[mine[filled]] = np.maximum(before[mine[filled]], 0.0)  # it is there now
+                change[mine[filled]] = SURE
+            else:
+                change[mine[filled]] = SURPRISE if fleeting else thing.weight
             most[mine[filled]] = BRIEF if fleeting else LIMIT
             passing[mine[filled]] = fleeting
             owner[mine[filled]] = thing.region

@@ -16,6 +16,7 @@ WINDOW = 6  # pixels below and above a foot whose colours are compared
 LIGHT = 0.35  # what brightness counts beside hue: shadows and joints between tiles are only darker
 LEAST_STEP = 5.0  # change of mean colour, in levels; noise makes about 1
 AGREE_PX = 3  # strips beside each other agree to this
+WIDEST_SHADOW = 5  # strips; what stands on the floor darkens it beside its foot, a wall's foot is wider
 SEARCH = 3  # strips on either side that are asked
 
 
@@ -47,7 +48,7 @@ def find_foot(strips: np.ndarray, mine: np.ndarray, highest: np.ndarray) -> np.n
     best = step.argmax(axis=1)
     found = step[np.arange(len(step)), best] > LEAST_STEP
     foot = np.where(found, best + WINDOW, -1)
-    foot = np.where(_agreed(foot, found), foot, -1)
+    foot = np.where(_wide(foot, _agreed(foot, found)), foot, -1)
     strip = np.minimum(np.arange(len(mine)) // STRIP, len(strips) - 1)
     return foot[strip]
 
@@ -64,3 +65,10 @@ def _agreed(foot: np.ndarray, found: np.ndarray) -> np.ndarray:
         rise = float(np.median(slopes))
         out[k] = (np.abs(slopes - rise) * np.abs(near - k) <= AGREE_PX).sum() >= max(2, len(near) // 2 + 1)
     return out
+
+
+def _wide(foot: np.ndarray, found: np.ndarray) -> np.ndarray:
+    """Those found that make one line with more others than a shadow has."""
+    joined = found[1:] & found[:-1] & (np.abs(np.diff(foot)) <= 2 * AGREE_PX)
+    group = np.concatenate([[0], np.cumsum(~joined)])
+    return found & (np.bincount(group)[group] > WIDEST_SHADOW)

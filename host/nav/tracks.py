@@ -13,7 +13,7 @@ LEAST_S = 0.4
 LEAST_SIGHTINGS = 5
 SLOWEST_CM_S = 6.0  # the feet of what stands still wander more slowly as the robot comes nearer
 STRAY_CM = 2.0  # rms of the places about an even motion; where regions merge or split they jump
-WIDTH_SHARE = 0.15  # and the width changes by more than this
+WIDTH_SHARE = 0.25  # and the width changes by more than this
 
 
 class Tracks:

@@ -166,6 +166,25 @@ def test_evidence_fades_when_nothing_is_seen():
     assert 10 not in box_map.obstacles
 
 
+def test_evidence_fades_with_travel_and_with_turning_alike():
+    def left_of_it(way_cm: float, turns: int) -> float:
+        box_map = look(PlanarWorld([BOX]), fresh(), {10: (90.0, 0.9)})
+        cell = box_map.cell_of(0, 92)
+        away = PlanarWorld([]).see()[0]
+        kept = []
+        for k in range(21):  # looking the other way
+            pose = Pose.planar(
+                0, -way_cm * k / 20, math.pi + 0.2 * math.sin(2 * math.pi * turns * k / 20), t_s=0.4
+            )
+            box_map.update(away, DepthReport({}, NO_VERTICES), pose, LENS)
+            kept.append(float(box_map.evidence[cell]))
+        return kept[-1] / kept[0]
+
+    assert left_of_it(0.0, 0) > 0.99
+    assert left_of_it(300.0, 0) < 0.85
+    assert left_of_it(0.0, 5) < 0.95
+
+
 def test_a_ball_is_filled_from_its_nearest_point_on_though_its_foot_lies_behind():
     z, radius = 120.0, 14.0
     snapshot, _ = PlanarWorld([]).see()
@@ -237,3 +256,85 @@ def test_where_most_of_a_foot_is_below_the_picture_what_is_left_of_it_is_no_plac
     far = DepthReport({10: RegionDepth(60.0, 1.0, "area", None)}, NO_VERTICES)
     found = stand_of(10, far, feet, picture)
     assert found is not None and found.how == AT_BORDER
+
+
+def test_floor_stays_floor_before_the_robot_though_its_outline_is_given_a_wrong_depth():
+    floor_map = look(PlanarWorld([]), fresh())
+    for _ in range(10):
+        look(PlanarWorld([]), floor_map, {FLOOR_ID: (12.0, 2.5)})
+    assert floor_map.floor.is_floor(FLOOR_ID)
+    assert floor_map.evidence[floor_map.cell_of(0, 60)] < FREE
+
+
+def test_what_appears_with_its_foot_below_the_picture_is_filled_within_two_frames_and_cleared():
+    border_map = fresh()
+    for _ in range(5):
+        look(PlanarWorld([]), border_map)
+    cell = border_map.cell_of(0, 30)
+    near = PlanarWorld([Box(-8, 20, 8, 40, 60)])
+    snapshot, _ = near.see()
+    for k in range(2):
+        pose = Pose.planar(0, 0, 0, t_s=k / 10)
+        border_map.update(snapshot, DepthReport({}, NO_VERTICES), pose, LENS)
+    assert border_map.evidence[cell] > OCCUPIED
+    look(PlanarWorld([]), border_map)
+    assert not border_map.evidence[cell] > OCCUPIED
+
+
+def test_what_moves_is_known_to_move_and_nothing_stays_filled_behind_it_while_the_robot_stands():
+    mover_map = fresh()
+    for k in range(16):
+        left = -40 + 1.5 * k
+        snapshot, _ = PlanarWorld([Box(left, 100, left + 14, 114, 60)]).see()
+        pose = Pose.planar(0, 0, 0, t_s=k / 10)
+        mover_map.update(snapshot, DepthReport({}, NO_VERTICES), pose, LENS)
+    obstacle = mover_map.obstacles[10]
+    assert obstacle.moving and obstacle.velocity_cm_s is not None
+    assert obstacle.velocity_cm_s == pytest.approx((15.0, 0.0), abs=3.0)
+    cells = filled_xz(mover_map, 10)
+    assert len(cells) > 0
+    assert cells[:, 0].min() > left - 8
+
+
+def test_an_obstacle_no_longer_stands_once_its_cells_are_cleared():
+    box_map = look(PlanarWorld([BOX]), fresh(), {10: (90.0, 0.9)})
+    box = box_map.obstacles[10]
+    assert not box.moving
+    assert box_map.standing() and box_map.stands(box)
+    for _ in range(5):
+        look(PlanarWorld([]), box_map)
+    assert 10 in box_map.obstacles
+    assert not box_map.stands(box)
+
+
+def one_region_of_floor_and_wall(foot_px: int, wall: tuple[int, int, int]) -> tuple[Snapshot, np.ndarray]:
+    """A picture with a wall's foot in a row, BGR, all of it one region."""
+    image = np.full((240, 320, 3), (160, 178, 190), np.uint8)
+    image[:foot_px] = wall
+    image = np.clip(image + np.random.default_rng(1).normal(0, 4, image.shape), 0, 255).astype(np.uint8)
+    return of_labels(np.full((240, 320), FLOOR_ID)), image
+
+
+def test_a_wall_that_the_net_has_not_told_from_the_floor_stands_where_the_picture_shows_its_foot():
+    snapshot, image = one_region_of_floor_and_wall(176, (172, 176, 180))
+    seam_map = fresh()
+    for k in range(6):
+        pose = Pose.planar(0, 0, 0, t_s=k / 10)
+        seam_map.update(snapshot, DepthReport({}, NO_VERTICES), pose, LENS, image)
+    foot_cm = 15.0 * LENS.fy / (175.5 - LENS.cy)
+    assert seam_map.obstacles[FLOOR_ID].depth_cm == pytest.approx(foot_cm, rel=0.05)
+    assert seam_map.evidence[seam_map.cell_of(0, foot_cm + 3)] > OCCUPIED
+    assert seam_map.evidence[seam_map.cell_of(0, foot_cm - 15)] < FREE
+
+
+def test_where_the_picture_shows_no_foot_nothing_is_free_and_a_wall_before_the_lens_is_no_floor():
+    snapshot, image = one_region_of_floor_and_wall(176, (172, 176, 180))
+    seam_map = fresh()
+    look_once = DepthReport({}, NO_VERTICES)
+    seam_map.update(snapshot, look_once, Pose.planar(0, 0, 0), LENS, image)
+    before = seam_map.evidence.copy()
+    _, wall = one_region_of_floor_and_wall(240, (172, 176, 180))
+    for k in range(4):
+        seam_map.update(snapshot, look_once, Pose.planar(0, 0, 0, t_s=(k + 1) / 10), LENS, wall)
+    assert not (seam_map.evidence < before - 0.01).any()
+    assert seam_map.evidence[seam_map.cell_of(0, 38)] > OCCUPIED
