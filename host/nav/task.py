@@ -22,6 +22,7 @@ from host.nav.steer import (
     Plan,
     Wait,
     body_of,
+    brakeable_cm_s,
     decide,
     give_way,
     look_ahead,
@@ -40,6 +41,8 @@ HOLD_GAIN = 2.0  # turn rate per heading error while approaching, 1/s
 HOLD_RAD_S = 0.3
 ARRIVED_CM = 0.4
 COARSE_CELLS = 2.0  # by so much a thing's filled cells may lie before where it was last seen to stand
+STEP_BACK_CM = 32.0  # from there the camera sees what was below its picture
+LOOK_S = 1.0  # and so long it looks
 SETTLE_S = 1.0  # stands this long before something remembered, which may yet be seen to be gone
 
 
@@ -181,6 +184,9 @@ class Approach:
         self._start: tuple[float, float] | None = None
         self._stands_s: float | None = None  # since when
         self._wait: Wait | None = None
+        self._back_from: tuple[float, float] | None = None  # where it began to step back for a better look
+        self._back_s: float | None = None  # when it had
+        self._looked_again = False
 
     def decide(self, obstacle_map: ObstacleMap, camera: Pose) -> Command:
         config = obstacle_map.config
@@ -191,6 +197,8 @@ class Approach:
         yielding, self._wait = give_way(self._wait, obstacle_map, camera)
         if yielding is not None:
             return yielding
+        if (back := self._step_back(obstacle_map, camera.t_s, (x, z), heading)) is not None:
+            return back
         ahead = look_ahead(obstacle_map, x, z, heading)
         thing, gap = front_ahead(obstacle_map, (x, z), self._heading)
         if thing is not None and gap - ahead.room_cm < COARSE_CELLS * config.cell_cm + thing.sigma_cm:
@@ -212,7 +220,28 @@ class Approach:
             return Command(0.0, 0.0, "at the edge of the map; set nav.map_half_cm", "blocked")
         if too_near:
             return Command(0.0, 0.0, f"{ahead} or nearer: its foot is below the picture", "blocked")
+        if not self._looked_again:  # cells say so, and no thing that is known to stand there
+            self._back_from = (x, z)
+            return Command(0.0, 0.0, f"stop: {ahead.room_cm:.0f} cm before {ahead}, in doubt")
         return Command(0.0, 0.0, f"{ahead.room_cm:.0f} cm before {ahead}", "approached")
+
+    def _step_back(
+        self, obstacle_map: ObstacleMap, t_s: float, here: tuple[float, float], heading: float
+    ) -> Command | None:
+        """Once, to look again at what is remembered below the picture; None when that is done."""
+        if self._back_from is None:
+            return None
+        gone = math.dist(self._back_from, here)
+        behind = look_ahead(obstacle_map, *here, wrap(heading + math.pi))
+        room = min(behind.room_cm, behind.unseen_cm) - obstacle_map.config.clearance_cm
+        if self._back_s is None and gone < STEP_BACK_CM and room > 1.0:
+            v = min(obstacle_map.config.creep_cm_s, brakeable_cm_s(obstacle_map.config, room))
+            return Command(-10 * v, 0.0, f"stepping back {STEP_BACK_CM - gone:.0f} cm to look again")
+        self._back_s = t_s if self._back_s is None else self._back_s
+        if t_s - self._back_s < LOOK_S:
+            return Command(0.0, 0.0, "stop: looking again at what is remembered ahead")
+        self._back_from, self._looked_again, self._stands_s = None, True, None
+        return None
 
 
 def front_ahead(

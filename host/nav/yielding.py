@@ -19,6 +19,9 @@ BELIEVED_S = 2.0  # so long after it was last seen something is taken to go on m
 BERTH_CM = 8.0  # the rim keeps this far from where it will be
 SPREAD_CM_S = 3.0  # and this much more for every second ahead, for nobody knows its mind
 BACK_CM_S = 10.0
+ASIDE_CM_S = 6.0  # who moves across the view faster than this does move
+TOWARDS_CM_S = 10.0  # along it only who is faster: there errors of depth wander, too
+SURE_SHARE = 0.2  # and whose place is known to this part of what it goes in a second
 WATCH_CM = 45.0  # what moves nobody knows where to is waited for when it is nearer than this
 
 
@@ -44,10 +47,23 @@ def nearest_threat(
     threats = [
         _threat(obstacle_map, thing, (x, z), heading, t_s, speed_cm_s)
         for thing in obstacle_map.obstacles.values()
-        if thing.moving and t_s - thing.t_s < BELIEVED_S
+        if thing.moving and t_s - thing.t_s < BELIEVED_S and _surely(thing, (x, z))
     ]
     near = [t for t in threats if min(t.driving_cm, t.standing_cm) < BERTH_CM]
     return min(near, key=lambda t: min(t.driving_cm, t.standing_cm), default=None)
+
+
+def _surely(thing: Obstacle, here: tuple[float, float]) -> bool:
+    """Whether a motion is more than errors of depth that wander."""
+    if thing.velocity_cm_s is None:
+        return True
+    front = (np.array(thing.left_cm) + thing.right_cm) / 2 - here
+    towards = front / max(float(np.hypot(*front)), 1e-6)
+    velocity = np.array(thing.velocity_cm_s)
+    along = float(velocity @ towards)
+    aside = abs(float(velocity[0] * towards[1] - velocity[1] * towards[0]))
+    sure = thing.sigma_cm < SURE_SHARE * float(np.hypot(*velocity))
+    return sure and (aside > ASIDE_CM_S or abs(along) > TOWARDS_CM_S)
 
 
 def _threat(

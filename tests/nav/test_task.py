@@ -154,3 +154,22 @@ def test_a_front_whose_foot_is_below_the_picture_does_not_move_along_with_the_ro
     command, _, _, _ = drive(world, Approach(12.0), max_s=40.0)
     assert command.outcome == "approached"
     assert 100 - world.camera_xz()[1] == pytest.approx(12.0, abs=4.0)
+
+
+def test_a_remembered_thing_that_is_gone_when_looked_at_again_does_not_end_an_approach():
+    floor, task = seen_floor(), Approach(20.0)
+    fill(floor, 100.0, region=7)
+    z, farthest, reasons, command = 0.0, 0.0, [], Command(0.0, 0.0, "")
+    for k in range(2400):
+        command = task.decide(floor, Pose.planar(0.0, z, 0.0, t_s=k / 20))
+        reasons.append(command.reason)
+        if command.outcome is not None:
+            break
+        z += command.v_mm_s / 10 / 20
+        farthest = max(farthest, z)
+        if z < farthest - 25.0:  # now the camera sees that nothing stands there
+            floor.evidence[:] = 2 * FREE
+            fill(floor, 180.0, region=8)
+    assert command.outcome == "approached"
+    assert any("to look again" in reason for reason in reasons)
+    assert 180 - z == pytest.approx(20, abs=1.5)
