@@ -25,7 +25,7 @@ X, Z, HEADING, RATIO, TRACK = range(5)  # the robot's part of the state; landmar
 OWN = 5
 
 RATIO_SIGMA = 0.015  # by which one wheel may be larger than the other, unless calibrated
-TRACK_SIGMA = 0.02  # by which the wheels may be further apart, as seen by turning
+TRACK_SIGMA = 0.03  # by which the wheels may be further apart, as seen by turning
 WAY_NOISE = 0.01  # cm per root cm: what wheels on a floor do beyond their sizes
 TURN_NOISE = 3e-4  # rad per root cm
 TURN_SHARE = 0.005  # of a turn, from frame to frame
@@ -247,15 +247,8 @@ class Localiser:
     def _find_again(self) -> None:
         """Landmarks seen now that are known from before, and lie to each other as they did, tell where."""
         rows = [row for row, mark in enumerate(self.landmarks) if mark.seen >= SURELY_SEEN]
-        unlike = np.array([
-            [self.landmarks[row].look.unlike(mark.look) for mark, _ in self._before] for row in rows
-        ]).reshape(len(rows), len(self._before))  # fmt: skip
-        pairs = [(rows[i], k) for i, k in recognise(unlike).items()]
-        now = np.array([self.landmark_cm(row) for row, _ in pairs]).reshape(-1, 2)
-        then = np.array([self._before[k][1] for _, k in pairs]).reshape(-1, 2)
-        worth = np.array([1 if isinstance(self.landmarks[row].key, tuple) else 2 for row, _ in pairs])
-        fits = _fitting(now, then)
-        if worth[fits].sum() < ENOUGH:
+        pairs, now, then, fits, worth = self._compare_places(rows, self._before)
+        if worth < ENOUGH:
             return
         self._change_frame(now[fits], then[fits])
         gone = {k for _, k in pairs}
@@ -265,6 +258,18 @@ class Localiser:
                 mark.key, mark.strikes = None, 0
                 self.landmarks.append(mark)
         self._before = []
+
+    def _compare_places(self, rows: list[int], known: list[tuple[Landmark, np.ndarray]]):
+        """Landmarks that look like known ones: (row, index) pairs, places now and then, which fit, worth."""
+        unlike = np.array([
+            [self.landmarks[row].look.unlike(mark.look) for mark, _ in known] for row in rows
+        ]).reshape(len(rows), len(known))  # fmt: skip
+        pairs = [(rows[i], k) for i, k in recognise(unlike).items()]
+        now = np.array([self.landmark_cm(row) for row, _ in pairs]).reshape(-1, 2)
+        then = np.array([known[k][1] for _, k in pairs]).reshape(-1, 2)
+        counts = np.array([len(known[k][0].look.colours) for _, k in pairs])  # 1 of a thing, 2 of an edge
+        fits = _fitting(now, then)
+        return pairs, now, then, fits, int((3 - counts[fits]).sum()) if len(pairs) else 0
 
     def _change_frame(self, now: np.ndarray, then: np.ndarray) -> None:
         """Turn and shift everything so that places (N, 2) come to lie on others."""
