@@ -25,6 +25,11 @@ from host.sim.scenes import world_from_uri
 from host.sim.scoring import Score
 from host.sim.session import Simulation
 
+TRUTHS = (
+    "collisions", "run_into", "min_clearance_cm", "true_distance_cm", "room_ahead_cm", "final_pose_error",
+    "dead_reckoning_error", "depth_errors", "depths", "stops",
+)  # fmt: skip
+
 
 @dataclass(frozen=True)
 class Rig:
@@ -53,8 +58,7 @@ class Rig:
     def truth(self, log: DriveLog) -> dict[str, Any]:
         """The part of result.json that only the simulator knows; nulls elsewhere."""
         if self.score is None:
-            known = ("collisions", "run_into", "min_clearance_cm", "true_distance_cm", "room_ahead_cm")
-            return dict.fromkeys((*known, "final_pose_error", "depth_errors", "depths", "stops"))
+            return dict.fromkeys(TRUTHS)
         depths = [
             {
                 "t_s": round(s.t_s, 3),
@@ -71,7 +75,7 @@ class Rig:
             {"t_s": round(s.t_s, 3), "reason": s.reason, "true_room_cm": s.true_room_cm, "false": s.is_false}
             for s in self.score.stops
         ]
-        return {**self.score.summary(log.last_pose), "depths": depths, "stops": stops}
+        return {**self.score.summary(log.last_pose, log.last_dead_reckoning), "depths": depths, "stops": stops}
 
     def link_counters(self) -> dict[str, Any]:
         """What both ends of the line saw go wrong."""

@@ -176,25 +176,27 @@ class Score:
         """
         return pose_difference(estimate, self._simulation.true_pose(estimate.t_s))
 
-    def summary(self, final: Pose | None) -> dict[str, Any]:
+    def summary(self, final: Pose | None, dead_reckoning: Pose | None = None) -> dict[str, Any]:
         """The part of result.json that needs the truth.
 
         Parameters
         ----------
         final
             Last estimate of the camera's pose, its time in ``t_s``; None if there is none.
+        dead_reckoning
+            The same by the wheels alone.
 
         Returns
         -------
         dict
             ``collisions`` that the robot drove into; ``run_into``, how often a mover ran into it while it
             stood; ``min_clearance_cm`` from the rim, also while standing; ``true_distance_cm`` of the axle's
-            middle; ``room_ahead_cm`` at the end; ``final_pose_error`` {position_cm, heading_deg} or None;
-            ``depth_errors`` {count, median_percent, p90_percent} of all regions, and the same of those that
-            are no part of the room in ``things``.
+            middle; ``room_ahead_cm`` at the end; ``final_pose_error`` {position_cm, heading_deg} or None,
+            and so ``dead_reckoning_error``; ``depth_errors`` {count, median_percent, p90_percent} of all
+            regions, and the same of those that are no part of the room in ``things``.
         """
         body = self._simulation.body
-        error = None if final is None else self.pose_error(final)
+        error, by_wheels = (None if pose is None else self.pose_error(pose) for pose in (final, dead_reckoning))
         things = [s for s in self.samples if not s.background]
         return {
             "collisions": body.collisions,
@@ -203,6 +205,7 @@ class Score:
             "true_distance_cm": round(body.distance_cm, 2),
             "room_ahead_cm": round(self.room_ahead_cm(), 2),
             "final_pose_error": error,
+            "dead_reckoning_error": by_wheels,
             "depth_errors": {**summarise(self.samples), "things": summarise(things)},
         }
 
