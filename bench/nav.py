@@ -1,141 +1,257 @@
-"""The main job in many worlds: rooms, corridors and clutter, each from its own seed.
+"""The main job in many worlds, judged by the truth: safety, depth, landmarks, time, in one table.
 
-    python -m bench.nav [--worlds N] [--jobs N] [--first-seed S] [--rough] [--json FILE]
+    python -m bench.nav [--rooms N] [--jobs N] [--first-seed S] [--only PART] [--plain] [--json FILE]
 
-Every world is driven by ``host/nav_loop.py`` in a process of its own. Worlds without a way of 40 cm to the
-goal count for collisions only. Frame times are of processes that share the machine with each other. Nothing
-passes or fails here.
+Every drive is ``host/nav_loop.py`` in a process of its own, with all models on unless ``--plain`` is said:
+a poor webcam (rows read in turn, late, uneven, noisy, a distorting lens) on a body drawn at random (motors,
+lag, dead zone, battery, wheels, encoder edges, slip). Worlds without a way of 40 cm to the goal count for
+collisions only. Frame times are taken at the end, one drive at a time. Nothing passes or fails here.
 """
 
 from __future__ import annotations
 
-import json
 import os
-import subprocess
-import sys
-import tempfile
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from rich.console import Console
-from rich.progress import track as progress
 from rich.table import Table
 
+from bench.drives import Drive, run_all
 from bench.figures_file import check_json, write_json
 from bench.options import at_least
 from host.errors import run_command
-from host.sim.drive_scenes import PATH_WIDTH_CM
+from host.nav.stand import FARTHEST_DEPTH_CM, USABLE
+from host.sim.drive_scenes import PATH_WIDTH_CM, free_loop
 from host.sim.scenes import world_from_uri
 
 KINDS = ("room", "corridor", "clutter")
-NAV_LOOP = Path(__file__).resolve().parents[1] / "host" / "nav_loop.py"
-SIGMAS = (1, 2)
+APPROACHES_CM = (10, 20, 40)
+LOOP_CM = 2000.0
+LOOP_WHEELS = 3  # percent by which the left wheel is larger, which nobody has told the robot
+Part = Literal["worlds", "approach", "movers", "loops", "time"]
+PARTS: tuple[Part, ...] = ("worlds", "approach", "movers", "loops", "time")
 
 
 @dataclass(frozen=True)
 class Options:
     """Drive through many worlds and print a table."""
 
-    worlds: int = 200
-    """Worlds in all: rooms, corridors and clutter in turn."""
+    rooms: int = 200
+    """Worlds in all: rooms, corridors and clutter in turn; a quarter as many drives for each other part."""
     jobs: int = os.cpu_count() or 1
     """Drives at a time."""
     first_seed: int = 1000
     """Seed of the first world of each kind."""
-    rough: bool = False
-    """With a poor webcam: rows read in turn, late and unevenly, a distorting lens, more noise."""
+    only: Part | None = None
+    """Measure this part alone."""
+    plain: bool = False
+    """An ordinary webcam on an ordinary body."""
     max_time: float = 120.0
     """Simulated seconds after which a drive ends."""
     json: Path | None = None
     """Also write the figures, and every drive's own, to this file."""
 
 
-def drive(uri: str, max_time_s: float) -> dict[str, Any]:
-    """result.json of one drive, or what went wrong."""
-    with tempfile.TemporaryDirectory() as folder:
-        result = Path(folder) / "result.json"
-        command = [
-            sys.executable, str(NAV_LOOP), "--no-view", "--camera", uri, "--max-time", str(max_time_s),
-            "--json", str(result),
-        ]  # fmt: skip
-        # One thread each, so that as many drives as cores do not fight for them.
-        alone = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-        done = subprocess.run(command, capture_output=True, text=True, cwd=folder, env=alone)
-        if not result.exists():
-            return {"camera": uri, "failed": done.stderr.strip().splitlines()[-1:] or ["no result"]}
-        return json.loads(result.read_text())
+def drives_of(part: Part, options: Options) -> list[Drive]:
+    """What is driven for one part of the table."""
+
+    def drive(kind: str, seed: int, more: str = "", *task: str, wheels: str = "") -> Drive:
+        rough = "" if options.plain else "&rough=1"
+        camera, robot = f"sim:{kind}?seed={seed}{rough}{more}", f"sim:?seed={seed}{rough}{wheels}"
+        return Drive(camera, robot, task, options.max_time)
+
+    number = options.rooms if part == "worlds" else max(1, options.rooms // 4)
+    picked = [(KINDS[n % len(KINDS)], options.first_seed + n // len(KINDS)) for n in range(number)]
+    if part == "worlds":
+        return [drive(kind, seed) for kind, seed in picked]
+    if part == "approach":
+        return [
+            drive(kind, seed, "", "--approach", str(APPROACHES_CM[seed % len(APPROACHES_CM)]))
+            for kind, seed in picked
+        ]
+    if part == "movers":
+        return [drive(kind, seed, "&movers=1") for kind, seed in picked]
+    if part == "loops":
+        loops = []
+        for seed in range(options.first_seed, options.first_seed + max(1, options.rooms // 20)):
+            loop = free_loop(world_from_uri(f"sim:room?seed={seed}"), LOOP_CM)
+            goals = [f"{x:.0f},{z:.0f}" for x, z in loop]
+            loops.append(drive("room", seed, "", "--goal", *goals, wheels=f"&wheels={LOOP_WHEELS}"))
+        return [Drive(d.camera, d.robot, d.task, 10 * options.max_time) for d in loops]
+    return [drive(kind, options.first_seed) for kind in KINDS]
 
 
-def summary(drives: list[dict[str, Any]]) -> dict[str, Any]:
-    """The figures of some drives together."""
-    ran = [one for one in drives if "failed" not in one]
-    open_ways = [one for one in ran if one["has_path"]]
-    depths = [d for one in ran for d in one["depths"] or [] if not d["background"]]
-    error = np.array([d["error_percent"] for d in depths])
-    known = [d for d in depths if d["sigma_cm"]]
-    pull = np.array([abs(d["depth_cm"] - d["true_cm"]) / d["sigma_cm"] for d in known])
-    metres = sum(one["true_distance_cm"] for one in ran) / 100
+# --- Figures ------------------------------------------------------------------------------------------
+
+
+def figures_of_worlds(drives: list[dict[str, Any]]) -> dict[str, Any]:
+    """Safety and success of drives to a goal."""
+    open_ways = [one for one in drives if one["has_path"]]
+    metres = sum(one["true_distance_cm"] for one in drives) / 100
+    false = sum(stop["false"] for one in drives for stop in one["stops"])
     return {
         "drives": len(drives),
-        "failed": len(drives) - len(ran),
+        "metres": metres,
+        "collisions": sum(one["collisions"] for one in drives),
+        "closest_cm": min((one["min_clearance_cm"] for one in drives), default=None),
         "with_a_way": len(open_ways),
         "reached_percent": _percent(one["outcome"] == "goal" for one in open_ways),
-        "collisions": sum(one["collisions"] for one in ran),
-        "closest_cm": min((one["min_clearance_cm"] for one in ran), default=None),
-        "metres": metres,
         "seconds_median": _median(one["duration_s"] for one in open_ways if one["outcome"] == "goal"),
-        "depth_median_percent": _median(np.abs(error)),
-        "depth_p90_percent": float(np.percentile(np.abs(error), 90)) if len(error) else None,
-        "within_sigmas_percent": {n: _percent(pull <= n) for n in SIGMAS},
-        "pose_error_cm_median": _median(
-            one["final_pose_error"]["position_cm"] for one in ran if one["final_pose_error"]
-        ),
-        "frame_ms_median": _median(one["frame_time_ms"]["median"] for one in ran),
-        "frame_ms_p95": _median(one["frame_time_ms"]["p95"] for one in ran),
+        "false_stops_per_50_m": 50 * false / metres if metres else None,
+        "refused_frames": sum(one["refused_frames"] for one in drives),
+        **figures_of_depths(drives),
+        "pose_error_cm_median": _median(e["position_cm"] for e in _present(drives, "final_pose_error")),
     }
 
 
-def _median(values: Any) -> float | None:
+def figures_of_depths(drives: list[dict[str, Any]]) -> dict[str, Any]:
+    """Error of the depths of things that the map may take, and how honest their sigma is."""
+    depths = [
+        d
+        for one in drives
+        for d in one["depths"] or []
+        if not d["background"] and d["sigma_cm"] and d["sigma_cm"] <= USABLE * d["depth_cm"]
+        if d["depth_cm"] <= FARTHEST_DEPTH_CM
+    ]
+    error = np.array([abs(d["error_percent"]) for d in depths])
+    pull = np.array([abs(d["depth_cm"] - d["true_cm"]) / d["sigma_cm"] for d in depths])
+    return {
+        "depths": len(depths),
+        "depth_median_percent": _median(error),
+        "depth_within_8_percent": _percent(error <= 8.0),
+        "depth_within_1_sigma_percent": _percent(pull <= 1),
+        "depth_within_2_sigma_percent": _percent(pull <= 2),
+    }
+
+
+def figures_of_approaches(drives: list[dict[str, Any]]) -> dict[str, Any]:
+    """How far from the distance asked for the robot stands at the end."""
+    off = [one["room_ahead_cm"] - _asked_cm(one) for one in drives if one["outcome"] == "approached"]
+    return {
+        "approaches": len(drives),
+        "approach_stopped": len(off),
+        "approach_within_3_cm_percent": _percent(abs(d) <= 3.0 for d in off),
+        "approach_off_cm_median": _median(np.abs(off)),
+        "approach_collisions": sum(one["collisions"] for one in drives),
+    }
+
+
+def figures_of_movers(drives: list[dict[str, Any]]) -> dict[str, Any]:
+    """Something crosses the way."""
+    return {
+        "mover_drives": len(drives),
+        "mover_yielded_percent": _percent(one["collisions"] == 0 for one in drives),
+        "mover_untouched_percent": _percent(one["collisions"] + one["run_into"] == 0 for one in drives),
+        "mover_reached_percent": _percent(one["outcome"] == "goal" for one in drives),
+    }
+
+
+def figures_of_loops(drives: list[dict[str, Any]]) -> dict[str, Any]:
+    """Where the robot thinks it is after a long way that ends where it began."""
+    ends = [(one["final_pose_error"], one["dead_reckoning_error"]) for one in drives]
+    ratios = [dead["position_cm"] / max(pose["position_cm"], 1e-3) for pose, dead in ends if pose and dead]
+    return {
+        "loops": len(drives),
+        "loops_done_percent": _percent(one["outcome"] == "goal" for one in drives),
+        "loop_metres": _median(one["true_distance_cm"] / 100 for one in drives),
+        "loop_off_cm": _median(pose["position_cm"] for pose, _ in ends if pose),
+        "loop_dead_reckoning_off_cm": _median(dead["position_cm"] for _, dead in ends if dead),
+        "loop_times_nearer": _median(ratios),
+        "loop_times_nearer_least": min(ratios, default=None),
+    }
+
+
+def figures_of_time(drives: list[dict[str, Any]]) -> dict[str, Any]:
+    """Of one frame, capture to command."""
+    return {
+        "frame_ms_median": _median(one["frame_time_ms"]["median"] for one in drives),
+        "frame_ms_p95": _median(one["frame_time_ms"]["p95"] for one in drives),
+    }
+
+
+FIGURES = {
+    "worlds": figures_of_worlds,
+    "approach": figures_of_approaches,
+    "movers": figures_of_movers,
+    "loops": figures_of_loops,
+    "time": figures_of_time,
+}
+
+
+def _asked_cm(one: dict[str, Any]) -> float:
+    return float(one["task"].removeprefix("approaching up to ").removesuffix(" cm"))
+
+
+def _present(drives: list[dict[str, Any]], key: str) -> list[Any]:
+    return [one[key] for one in drives if one[key] is not None]
+
+
+def _median(values: Iterable[float]) -> float | None:
     listed = list(values)
     return float(np.median(listed)) if listed else None
 
 
-def _percent(hits: Any) -> float | None:
+def _percent(hits: Iterable[bool]) -> float | None:
     listed = list(hits)
     return 100 * float(np.mean(listed)) if listed else None
 
 
+# --- Table --------------------------------------------------------------------------------------------
+
 ROWS = {
     "drives": "drives",
-    "failed": "ended without a result",
-    "with_a_way": f"with a way of {PATH_WIDTH_CM:.0f} cm",
-    "reached_percent": "of these, goal reached, %",
+    "metres": "driven, m",
     "collisions": "collisions",
     "closest_cm": "closest to anything, cm",
-    "metres": "driven, m",
+    "with_a_way": f"with a way of {PATH_WIDTH_CM:.0f} cm",
+    "reached_percent": "of these, goal reached, %",
     "seconds_median": "time to the goal, median, s",
-    "depth_median_percent": "depth of things, median error, %",
-    "depth_p90_percent": "90 % below, %",
+    "false_stops_per_50_m": "stops for nothing, in 50 m",
+    "refused_frames": "pictures not driven on",
+    "depths": "depths of things",
+    "depth_median_percent": "their error, median, %",
+    "depth_within_8_percent": "within 8 %, %",
+    "depth_within_1_sigma_percent": "within 1 sigma, %",
+    "depth_within_2_sigma_percent": "within 2 sigma, %",
     "pose_error_cm_median": "pose at the end off by, median, cm",
+    "approaches": "approaches up to 10, 20, 40 cm",
+    "approach_stopped": "that stopped before something",
+    "approach_within_3_cm_percent": "within 3 cm of what was asked, %",
+    "approach_off_cm_median": "off by, median, cm",
+    "approach_collisions": "collisions",
+    "mover_drives": "drives with something crossing the way",
+    "mover_yielded_percent": "did not drive into it, %",
+    "mover_untouched_percent": "nor were run into, %",
+    "mover_reached_percent": "goal reached, %",
+    "loops": f"loops of {LOOP_CM / 100:.0f} m, wheels {LOOP_WHEELS} % apart",
+    "loops_done_percent": "came to their end, %",
+    "loop_metres": "driven, median, m",
+    "loop_off_cm": "pose at the end off by, median, cm",
+    "loop_dead_reckoning_off_cm": "dead reckoning off by, median, cm",
+    "loop_times_nearer": "times nearer, median",
+    "loop_times_nearer_least": "times nearer, least",
     "frame_ms_median": "frame, capture to command, median, ms",
     "frame_ms_p95": "p95, ms",
 }
+HEADS = {"drives", "approaches", "mover_drives", "loops", "frame_ms_median"}
 
 
-def print_table(figures: dict[str, dict[str, Any]]) -> None:
+def print_table(figures: dict[str, dict[str, Any]], title: str) -> None:
     """One column for each kind of world, and one for all."""
-    table = Table(title="The main job in many worlds", title_justify="left")
+    table = Table(title=title, title_justify="left")
     table.add_column("")
     for kind in figures:
         table.add_column(kind, justify="right")
     for key, name in ROWS.items():
-        table.add_row(name, *(_number(one[key]) for one in figures.values()))
-    for n in SIGMAS:
-        shares = [one["within_sigmas_percent"][n] for one in figures.values()]
-        table.add_row(f"depth within {n} sigma, %", *map(_number, shares))
+        if key not in figures["all"]:
+            continue
+        if key in HEADS and table.row_count:
+            table.add_section()
+        table.add_row(name, *(_number(one.get(key)) for one in figures.values()))
     Console().print(table)
 
 
@@ -150,33 +266,37 @@ def main() -> None:
     import tyro
 
     options = tyro.cli(Options, description=__doc__)
-    at_least("worlds", options.worlds, 1)
+    at_least("rooms", options.rooms, 1)
     at_least("jobs", options.jobs, 1)
     at_least("max-time", options.max_time, 1)
     check_json(options.json)
-    rough = "&rough=1" if options.rough else ""
-    uris = []
-    for n in range(options.worlds):
-        kind, seed = KINDS[n % len(KINDS)], options.first_seed + n // len(KINDS)
-        uris.append(f"sim:{kind}?seed={seed}{rough}")
-    drives: list[dict[str, Any]] = []
-    with ThreadPoolExecutor(options.jobs) as pool:
-        running = [pool.submit(drive, uri, options.max_time) for uri in uris]
-        console = Console(stderr=True)
-        for done in progress(as_completed(running), "driving", len(uris), console=console, transient=True):
-            one = done.result()
+    parts = PARTS if options.only is None else (options.only,)
+    columns = (*KINDS, "all")
+    figures: dict[str, dict[str, Any]] = {column: {} for column in columns}
+    all_drives: dict[str, list[dict[str, Any]]] = {}
+    for part in parts:
+        results = run_all(drives_of(part, options), 1 if part == "time" else options.jobs, part)
+        for one in results:
             one["has_path"] = world_from_uri(one["camera"]).has_path(PATH_WIDTH_CM)
-            drives.append(one)
-    drives.sort(key=lambda one: uris.index(one["camera"]))
-    figures = {kind: summary([one for one in drives if f":{kind}?" in one["camera"]]) for kind in KINDS}
-    figures["all"] = summary(drives)
-    print_table(figures)
-    for one in drives:
+        all_drives[part] = results
+        ran = [one for one in results if "failed" not in one]
+        for column in columns:
+            mine = [one for one in ran if column == "all" or f":{column}?" in one["camera"]]
+            figures[column] |= FIGURES[part](mine)
+        _print_odd_ones(results)
+    print_table(figures, f"The main job in many worlds, {'plain' if options.plain else 'all models on'}")
+    write_json(options.json, {"figures": figures, "drives": all_drives})
+
+
+def _print_odd_ones(results: list[dict[str, Any]]) -> None:
+    """A line for each drive that somebody should look at."""
+    for one in results:
+        named = f"--camera '{one['camera']}' --robot '{one['robot']}'"
         if "failed" in one:
-            print(f"{one['camera']}: {one['failed'][0]}")
-        elif one["collisions"] or (one["has_path"] and one["outcome"] != "goal"):
-            print(f"{one['camera']}: {one['outcome']}, {one['collisions']} collisions: {one['reason']}")
-    write_json(options.json, {"figures": figures, "drives": drives})
+            print(f"{named}: {one['failed']}")
+        elif one["collisions"] or one["run_into"] or one["outcome"] in ("stopped", "timeout", "blocked"):
+            touched = f"{one['collisions']} collisions, run into {one['run_into']} times"
+            print(f"{named}: {one['outcome']}, {touched}: {one['reason']}")
 
 
 if __name__ == "__main__":

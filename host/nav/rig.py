@@ -75,7 +75,8 @@ class Rig:
             {"t_s": round(s.t_s, 3), "reason": s.reason, "true_room_cm": s.true_room_cm, "false": s.is_false}
             for s in self.score.stops
         ]
-        return {**self.score.summary(log.last_pose, log.last_dead_reckoning), "depths": depths, "stops": stops}
+        summary = self.score.summary(log.last_pose, log.last_dead_reckoning)
+        return {**summary, "depths": depths, "stops": stops}
 
     def link_counters(self) -> dict[str, Any]:
         """What both ends of the line saw go wrong."""

@@ -196,7 +196,8 @@ class Score:
             regions, and the same of those that are no part of the room in ``things``.
         """
         body = self._simulation.body
-        error, by_wheels = (None if pose is None else self.pose_error(pose) for pose in (final, dead_reckoning))
+        error = None if final is None else self.pose_error(final)
+        error_by_wheels = None if dead_reckoning is None else self.pose_error(dead_reckoning)
         things = [s for s in self.samples if not s.background]
         return {
             "collisions": body.collisions,
@@ -205,7 +206,7 @@ class Score:
             "true_distance_cm": round(body.distance_cm, 2),
             "room_ahead_cm": round(self.room_ahead_cm(), 2),
             "final_pose_error": error,
-            "dead_reckoning_error": by_wheels,
+            "dead_reckoning_error": error_by_wheels,
             "depth_errors": {**summarise(self.samples), "things": summarise(things)},
         }
 
