@@ -64,11 +64,13 @@ class Pillar:
 
 def pillars(seed: int, count: int = 9, reach_cm: float = 150.0) -> list[Pillar]:
     rng = np.random.default_rng(seed)
-    return [
-        Pillar(*rng.uniform(-reach_cm, reach_cm, 2), rng.uniform(5, 12), rng.uniform(12, 40),
-               tuple(rng.uniform(20, 220, 3)))
-        for _ in range(count)
-    ]  # fmt: skip
+    out = []
+    for _ in range(count):
+        x, z = rng.uniform(-reach_cm, reach_cm, 2)
+        radius, height = rng.uniform(5, 12), rng.uniform(12, 40)
+        r, g, b = rng.uniform(20, 220, 3)
+        out.append(Pillar(x, z, radius, height, (r, g, b)))
+    return out
 
 
 class Robotic:
@@ -320,9 +322,9 @@ def test_a_whole_drive_with_false_wheels_knows_its_place_five_times_better_than_
 
     drive(
         simulation.camera, robot, simulation.clock, pilot, NavConfig(),
-        max_time_s=30.0, max_wall_s=900.0, on_view=watch,
+        max_time_s=40.0, max_wall_s=900.0, on_view=watch,
     )  # fmt: skip
     ours, wheels = np.mean(errors, axis=0)
     print(f"\n{simulation.body.distance_cm:.0f} cm: off {ours:.1f} cm in the mean, wheels alone {wheels:.1f}")
-    assert wheels > 10.0
+    assert wheels > 10.0  # it went far enough to tell
     assert ours < wheels / 5
