@@ -5,7 +5,15 @@ import numpy as np
 
 class Estimator:
     def __init__(
-        self, width: int, height: int, fx: float, fy: float, cx: float, cy: float, config: dict[str, Any]
+        self,
+        width: int,
+        height: int,
+        fx: float,
+        fy: float,
+        cx: float,
+        cy: float,
+        distortion: tuple[float, ...],
+        config: dict[str, Any],
     ) -> None: ...
     def update(
         self,
@@ -15,7 +23,6 @@ class Estimator:
         touches_border: np.ndarray,
         rgb: np.ndarray,
         loops: np.ndarray,
-        raw_loops: np.ndarray,
         corners: np.ndarray,
         loop_size: np.ndarray,
         loop_region: np.ndarray,

@@ -14,7 +14,7 @@ from host.depth import _depth
 from host.depth.config import DepthConfig
 from host.depth.report import Correction, DepthReport, Estimate, RegionDepth, SolvedMotion, VertexDepths
 from host.pose import Pose
-from host.rbdn.snapshot import Contour, Snapshot
+from host.rbdn.snapshot import Snapshot
 
 METHODS = ("area", "vertex", "outline")  # in the engine's order
 
@@ -29,9 +29,15 @@ class Estimator:
     """
 
     def __init__(self, lens: Lens, config: DepthConfig | None = None) -> None:
-        self._lens = lens
         self._core = _depth.Estimator(
-            lens.width, lens.height, lens.fx, lens.fy, lens.cx, lens.cy, asdict(config or DepthConfig())
+            lens.width,
+            lens.height,
+            lens.fx,
+            lens.fy,
+            lens.cx,
+            lens.cy,
+            tuple(lens.distortion),
+            asdict(config or DepthConfig()),
         )
 
     def update(self, snapshot: Snapshot, pose: Pose) -> DepthReport:
@@ -46,23 +52,21 @@ class Estimator:
         loops = [loop for r in regions for loop in r.loops]
         points = np.concatenate([*loops, np.zeros((0, 2))])
         contour = snapshot.contour
-        outline, normals = self._outline(contour)
         found = self._core.update(
             np.array([r.id for r in regions], np.int64),
             np.array([r.area_px for r in regions], float),
             np.array([r.sigma_area_px for r in regions], float),
             np.array([r.touches_border for r in regions], bool),
             np.array([r.mean_rgb for r in regions], float).reshape(-1, 3),
-            self._ideal(points),
             points,
             np.concatenate([*(ids for r in regions for ids in r.loop_vertices), np.zeros(0, np.int64)]),
             np.array([len(loop) for loop in loops], np.int64),
             np.array([row for row, r in enumerate(regions) for _ in r.loops], np.int64),
             np.ascontiguousarray(vertices.ids),
-            self._ideal(vertices.xy_px),
+            np.ascontiguousarray(vertices.xy_px, float),
             np.ascontiguousarray(vertices.sigma_px, float),
-            outline,
-            normals,
+            np.ascontiguousarray(contour.xy_px, float).reshape(-1, 2),
+            np.ascontiguousarray(contour.normal, float).reshape(-1, 2),
             np.ascontiguousarray(contour.left),
             np.ascontiguousarray(contour.right),
             np.ascontiguousarray(contour.length_px, float),
@@ -117,19 +121,3 @@ class Estimator:
                 moving,
             )
         return out
-
-    def _ideal(self, points_px: np.ndarray) -> np.ndarray:
-        """Points (N, 2) as a camera without distortion would have them, same focal lengths and centre."""
-        if not any(self._lens.distortion):
-            return np.ascontiguousarray(points_px, float)
-        return self._lens.to_rays(points_px) * (self._lens.fx, self._lens.fy) + (self._lens.cx, self._lens.cy)
-
-    def _outline(self, contour: Contour) -> tuple[np.ndarray, np.ndarray]:
-        """Outline points and normals without the lens's distortion."""
-        if not any(self._lens.distortion) or len(contour.xy_px) == 0:
-            return np.ascontiguousarray(contour.xy_px, float), np.ascontiguousarray(contour.normal, float)
-        along = np.column_stack([-contour.normal[:, 1], contour.normal[:, 0]])
-        behind, ahead = (self._ideal(contour.xy_px + s * along) for s in (-0.5, 0.5))
-        along = ahead - behind
-        along /= np.linalg.norm(along, axis=1, keepdims=True)
-        return self._ideal(contour.xy_px), np.column_stack([along[:, 1], -along[:, 0]])

@@ -1,15 +1,18 @@
 // The Python face of depth: arrays in, arrays out.
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
+#include <nanobind/stl/array.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <unordered_map>
 #include <vector>
 
 #include "estimator.hpp"
+#include "lens.hpp"
 
 namespace nb = nanobind;
 using namespace nb::literals;
@@ -63,9 +66,9 @@ depth::Config config_from(const nb::dict& values) {
     return c;
 }
 
-std::vector<depth::Vec2> points_from(const Points& p) {
+std::vector<depth::Vec2> points_from(const Points& p, const depth::Lens& lens) {
     std::vector<depth::Vec2> out(p.shape(0));
-    for (std::size_t i = 0; i < out.size(); ++i) out[i] = {p(i, 0), p(i, 1)};
+    for (std::size_t i = 0; i < out.size(); ++i) out[i] = lens.ideal({p(i, 0), p(i, 1)});
     return out;
 }
 
@@ -73,11 +76,10 @@ std::vector<double> numbers_from(const Numbers& v) { return {v.data(), v.data() 
 std::vector<std::int64_t> ids_from(const Ids& v) { return {v.data(), v.data() + v.shape(0)}; }
 
 // The regions of a frame. Loops come one after the other: their points, their sizes, the rows of their
-// regions; `raw` as the image has them, `ideal` without the lens's distortion; corners run along with the
-// points.
+// regions; corners run along with the points.
 std::vector<depth::RegionView> regions_from(const Ids& ids, const Numbers& area_px, const Numbers& sigma_area_px,
-                                            const Flags& touches_border, const Triples& rgb, const Points& ideal,
-                                            const Points& raw, const Ids& corners, const Ids& loop_size,
+                                            const Flags& touches_border, const Triples& rgb, const Points& raw,
+                                            const depth::Lens& lens, const Ids& corners, const Ids& loop_size,
                                             const Ids& loop_region) {
     std::vector<depth::RegionView> out(ids.shape(0));
     for (std::size_t r = 0; r < out.size(); ++r) {
@@ -94,8 +96,8 @@ std::vector<depth::RegionView> regions_from(const Ids& ids, const Numbers& area_
         const bool outer = out[r].loops.empty();
         depth::Loop &loop = out[r].loops.emplace_back(), &image = drawn[r].emplace_back();
         for (std::size_t i = at; i < at + size; ++i) {
-            loop.push_back({ideal(i, 0), ideal(i, 1)});
             image.push_back({raw(i, 0), raw(i, 1)});
+            loop.push_back(lens.ideal(image.back()));
             if (outer) out[r].corners.push_back(corners(i));
         }
         at += size;
@@ -110,15 +112,16 @@ void require(bool holds, const char* what) {
 }
 
 // Samples between two different regions of the frame.
-void put_outline(depth::FrameView& frame, const Points& px, const Points& normal, const Ids& left,
-                 const Ids& right, const Numbers& length_px) {
+void put_outline(depth::FrameView& frame, const depth::Lens& lens, const Points& px, const Points& normal,
+                 const Ids& left, const Ids& right, const Numbers& length_px) {
     std::unordered_map<std::int64_t, int> row;
     for (std::size_t r = 0; r < frame.regions.size(); ++r) row[frame.regions[r].id] = static_cast<int>(r);
     for (std::size_t i = 0; i < px.shape(0); ++i) {
         const auto a = row.find(left(i)), b = row.find(right(i));
         if (a == row.end() || b == row.end() || a->second == b->second) continue;
-        frame.outline_px.push_back({px(i, 0), px(i, 1)});
-        frame.outline_normal.push_back({normal(i, 0), normal(i, 1)});
+        const depth::Vec2 at{px(i, 0), px(i, 1)};
+        frame.outline_px.push_back(lens.ideal(at));
+        frame.outline_normal.push_back(lens.ideal_normal(at, {normal(i, 0), normal(i, 1)}));
         frame.outline_left.push_back(a->second), frame.outline_right.push_back(b->second);
         frame.outline_length_px.push_back(length_px(i));
     }
@@ -126,11 +129,12 @@ void put_outline(depth::FrameView& frame, const Points& px, const Points& normal
 
 class EstimatorCore {
   public:
-    EstimatorCore(int width, int height, double fx, double fy, double cx, double cy, const nb::dict& config)
-        : estimator_({width, height, fx, fy, cx, cy}, config_from(config)) {}
+    EstimatorCore(int width, int height, double fx, double fy, double cx, double cy,
+                  const std::array<double, 5>& distortion, const nb::dict& config)
+        : lens_(fx, fy, cx, cy, distortion), estimator_({width, height, fx, fy, cx, cy}, config_from(config)) {}
 
     nb::dict update(const Ids& ids, const Numbers& area_px, const Numbers& sigma_area_px, const Flags& touches_border,
-                    const Triples& rgb, const Points& loops, const Points& raw_loops, const Ids& corners,
+                    const Triples& rgb, const Points& loops, const Ids& corners,
                     const Ids& loop_size, const Ids& loop_region, const Ids& vertex_ids, const Points& vertices,
                     const Numbers& vertex_sigma_px, const Points& outline, const Points& normals, const Ids& left,
                     const Ids& right, const Numbers& length_px, const Ids& changed, const Triples& rotation,
@@ -140,7 +144,7 @@ class EstimatorCore {
                 "one area, sigma, flag and colour for each region");
         std::size_t points = 0;
         for (std::size_t k = 0; k < loop_size.shape(0); ++k) points += static_cast<std::size_t>(loop_size(k));
-        require(raw_loops.shape(0) == drawn && corners.shape(0) == drawn && points == drawn &&
+        require(corners.shape(0) == drawn && points == drawn &&
                     loop_region.shape(0) == loop_size.shape(0),
                 "loops, their vertices and their sizes must belong together");
         require(vertices.shape(0) == vertex_ids.shape(0) && vertex_sigma_px.shape(0) == vertex_ids.shape(0),
@@ -149,12 +153,12 @@ class EstimatorCore {
                 "one normal, length and pair of regions for each outline sample");
         require(rotation.shape(0) == 3 && place.shape(0) == 6, "a rotation of 3 x 3 and a place of 6 numbers");
         depth::FrameView frame;
-        frame.regions = regions_from(ids, area_px, sigma_area_px, touches_border, rgb, loops, raw_loops, corners,
+        frame.regions = regions_from(ids, area_px, sigma_area_px, touches_border, rgb, loops, lens_, corners,
                                      loop_size, loop_region);
         for (const depth::RegionView& r : frame.regions) require(!r.loops.empty(), "a region without an outline");
-        frame.vertex_ids = ids_from(vertex_ids), frame.vertex_px = points_from(vertices);
+        frame.vertex_ids = ids_from(vertex_ids), frame.vertex_px = points_from(vertices, lens_);
         frame.vertex_sigma_px = numbers_from(vertex_sigma_px);
-        put_outline(frame, outline, normals, left, right, length_px);
+        put_outline(frame, lens_, outline, normals, left, right, length_px);
         frame.changed = ids_from(changed);
         depth::Reading reading;
         for (int i = 0; i < 3; ++i)
@@ -216,6 +220,7 @@ class EstimatorCore {
         return result;
     }
 
+    depth::Lens lens_;
     depth::Estimator estimator_;
 };
 
@@ -223,10 +228,10 @@ class EstimatorCore {
 
 NB_MODULE(_depth, m) {
     nb::class_<EstimatorCore>(m, "Estimator")
-        .def(nb::init<int, int, double, double, double, double, const nb::dict&>(), "width"_a, "height"_a, "fx"_a,
-             "fy"_a, "cx"_a, "cy"_a, "config"_a)
+        .def(nb::init<int, int, double, double, double, double, const std::array<double, 5>&, const nb::dict&>(),
+             "width"_a, "height"_a, "fx"_a, "fy"_a, "cx"_a, "cy"_a, "distortion"_a, "config"_a)
         .def("update", &EstimatorCore::update, "ids"_a, "area_px"_a, "sigma_area_px"_a, "touches_border"_a, "rgb"_a,
-             "loops"_a, "raw_loops"_a, "corners"_a, "loop_size"_a, "loop_region"_a, "vertex_ids"_a, "vertices"_a,
+             "loops"_a, "corners"_a, "loop_size"_a, "loop_region"_a, "vertex_ids"_a, "vertices"_a,
              "vertex_sigma_px"_a, "outline"_a, "normals"_a, "left"_a, "right"_a, "length_px"_a, "changed"_a,
              "rotation"_a, "place"_a);
 }

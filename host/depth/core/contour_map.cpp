@@ -31,14 +31,14 @@ void ContourMap::file(const FrameView& frame, const Camera& camera, double borde
     rows_ = camera.height / CELL_PX + 1 + 2 * MARGIN;
     columns_ = camera.width / CELL_PX + 1 + 2 * MARGIN;
     const std::size_t layer = static_cast<std::size_t>(rows_) * static_cast<std::size_t>(columns_);
-    cells_.assign(4 * layer, -1);
+    cells_.assign(4 * layer, NONE);
     points_.clear();
     struct Place {
         std::size_t at;  // in the layer
         int first, second;  // directions the normal lies between
     };
     std::vector<Place> places;
-    for (std::size_t i = 0; i < frame.outline_px.size(); ++i) {
+    for (std::size_t i = 0; i < frame.outline_px.size() && points_.size() < NONE; ++i) {
         const Vec2 p = frame.outline_px[i], n = frame.outline_normal[i];
         if (!(p.x > border_px && p.x < camera.width - 1 - border_px && p.y > border_px &&
               p.y < camera.height - 1 - border_px))
@@ -58,8 +58,8 @@ void ContourMap::file(const FrameView& frame, const Camera& camera, double borde
         const std::ptrdiff_t offset = static_cast<std::ptrdiff_t>(step.dy) * columns_ + step.dx;
         for (std::size_t i = 0; i < places.size(); ++i) {
             const std::size_t at = places[i].at + static_cast<std::size_t>(offset);
-            cells_[static_cast<std::size_t>(places[i].first) * layer + at] = static_cast<std::int32_t>(i);
-            cells_[static_cast<std::size_t>(places[i].second) * layer + at] = static_cast<std::int32_t>(i);
+            cells_[static_cast<std::size_t>(places[i].first) * layer + at] = static_cast<std::uint16_t>(i);
+            cells_[static_cast<std::size_t>(places[i].second) * layer + at] = static_cast<std::uint16_t>(i);
         }
     }
 }

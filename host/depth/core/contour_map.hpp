@@ -26,7 +26,7 @@ class ContourMap {
         std::int32_t left, right;  // rows of the frame's regions
     };
 
-    // Files the outline samples of `frame` that lie at least `border_px` inside the image.
+    // Files the outline samples of `frame` that lie at least `border_px` inside the image, 65535 at most.
     void file(const FrameView& frame, const Camera& camera, double border_px);
 
     // The nearest point of like direction, within about REACH_PX; null where there is none.
@@ -35,8 +35,8 @@ class ContourMap {
         if (!(column > 0 && row > 0 && column < static_cast<float>(columns_) && row < static_cast<float>(rows_)))
             return nullptr;
         const int at = (direction * rows_ + static_cast<int>(row)) * columns_ + static_cast<int>(column);
-        const std::int32_t index = cells_[static_cast<std::size_t>(at)];
-        return index < 0 ? nullptr : &points_[static_cast<std::size_t>(index)];
+        const std::uint16_t index = cells_[static_cast<std::size_t>(at)];
+        return index == NONE ? nullptr : &points_[index];
     }
 
     static constexpr int CELL_PX = 2;
@@ -44,10 +44,11 @@ class ContourMap {
 
   private:
     static constexpr int MARGIN = REACH_CELLS;
+    static constexpr std::uint16_t NONE = 0xFFFF;
 
     int rows_ = 0, columns_ = 0;
     std::vector<Point> points_;
-    std::vector<std::int32_t> cells_;  // [direction][row][column], -1 for none
+    std::vector<std::uint16_t> cells_;  // [direction][row][column]; small, for the look-ups wait for memory
 };
 
 }  // namespace depth

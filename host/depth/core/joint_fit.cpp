@@ -52,12 +52,15 @@ JointFit::JointFit(const Samples& samples, std::size_t regions, std::size_t fram
 
 void JointFit::look(const Comparison& comparison, const std::vector<RegionState>& state,
                     const std::vector<double>& own, bool cameras) {
-    for (std::size_t n = 0; n < samples_->rows.size(); ++n) {
-        if (!(own[n] > 0)) continue;
+    const std::size_t rows = samples_->rows.size();
+    rho_.resize(rows);
+    for (std::size_t n = 0; n < rows; ++n) {
         const Sample& s = samples_->rows[n];
-        const double rho = std::max(state[static_cast<std::size_t>(s.region)].at(s.offset), LEAST_RHO);
-        for (std::size_t k = 0; k < frames_; ++k) looks_[row_of(n, k)] = comparison.look(n, k, rho, cameras);
+        rho_[n] = std::max(state[static_cast<std::size_t>(s.region)].at(s.offset), LEAST_RHO);
     }
+    for (std::size_t k = 0; k < frames_; ++k)  // one frame's map at a time stays in the cache
+        for (std::size_t n = 0; n < rows; ++n)
+            if (own[n] > 0) looks_[row_of(n, k)] = comparison.look(n, k, rho_[n], cameras);
 }
 
 void JointFit::step(const std::vector<double>& own, double tilt, const FitSettings& settings,

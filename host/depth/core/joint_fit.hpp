@@ -95,7 +95,7 @@ class JointFit {
     std::size_t regions_, frames_;
     std::vector<Look> looks_;      // [row][frame]
     std::vector<double> weight_;   // likewise
-    std::vector<double> common_, trust_, total_;
+    std::vector<double> common_, trust_, total_, rho_;
     std::vector<double> scale_;    // of each region's residuals, px
     std::vector<Block> blocks_;
     std::vector<double> motion_covariance_;
