@@ -45,7 +45,7 @@ class Rig:
     def watch(self, view: View) -> None:
         """Let the truth look at what was made of a frame."""
         if self.score is not None:
-            self.score.watch(view.pose.t_s, view.snapshot, view.depths)
+            self.score.watch(view.frame.t_s, view.snapshot, view.depths)
             command = view.command
             if command.outcome is None and not command.hands_off:
                 self.score.hear(command.v_mm_s != 0.0 or command.omega_rad_s != 0.0, command.reason)

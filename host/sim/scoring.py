@@ -141,8 +141,9 @@ class Score:
         self._simulation = simulation
         self._looked_s = -math.inf
 
-    def watch(self, t_s: float, snapshot: Snapshot, report: DepthReport) -> None:
-        """Take in what was made of the frame taken at `t_s`; call within 10 s of it."""
+    def watch(self, stamp_s: float, snapshot: Snapshot, report: DepthReport) -> None:
+        """Take in what was made of the frame with this time on it; call within 10 s of it."""
+        t_s = self._simulation.exposed_s(stamp_s)
         if t_s - self._looked_s < DEPTH_EVERY_S:
             return
         self._looked_s = t_s
@@ -167,14 +168,15 @@ class Score:
         return float(steps[max(0, int(np.argmax(shut)) - 1)]) if shut.any() else FARTHEST_CM
 
     def pose_error(self, estimate: Pose) -> dict[str, float]:
-        """Distance in cm and angle in degrees from the true camera pose at ``estimate.t_s``.
+        """Distance in cm and angle in degrees from the true camera pose at ``estimate.t_s``, or now.
 
         Raises
         ------
         ValueError
-            That is more than 10 s ago, or yet to come.
+            That is more than 10 s ago.
         """
-        return pose_difference(estimate, self._simulation.true_pose(estimate.t_s))
+        t_s = min(estimate.t_s, self._simulation.clock.now_s())  # the estimate's clock may be a little ahead
+        return pose_difference(estimate, self._simulation.true_pose(t_s))
 
     def summary(self, final: Pose | None, dead_reckoning: Pose | None = None) -> dict[str, Any]:
         """The part of result.json that needs the truth.

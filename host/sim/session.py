@@ -154,6 +154,10 @@ class Simulation:
         self._webcam = Webcam(self._webcam_model, self.world.lens, seed)
         self.camera = SimulatedCamera(self.world.lens, fps, rolling, self._take, self._webcam_model, seed)
 
+    def exposed_s(self, stamp_s: float) -> float:
+        """When the middle row of a picture was truly exposed; for scoring alone."""
+        return stamp_s - self._webcam_model.stamp_late_s
+
     def true_pose(self, t_s: float) -> Pose:
         """Where the camera truly was at a time of the last 10 s; for scoring alone.
 
