@@ -78,7 +78,7 @@ class Estimator:
         motion = SolvedMotion(
             replace(pose, rotation=rotation, position_cm=position),
             *found["motion"],
-            tuple(Correction(*row) for row in found["since"].tolist()),
+            since=tuple(Correction(*row) for row in found["since"].tolist()),
         )
         depths = VertexDepths(
             vertices.ids, found["xyz_cm"], found["vertex_sigma_cm"], found["vertex_sensitivity"]
