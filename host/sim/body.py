@@ -14,7 +14,7 @@ from host.sim.world import World
 
 STEP_US = 1000
 STEP_S = STEP_US * 1e-6
-TRACE_STEPS = 10_000  # poses of the last 10 s are kept
+TRACE_STEPS = 30_000  # poses of the last 30 s are kept: longer than a drive goes on blind
 LOOK_CM = 0.5  # travel after which the clearance is measured anew
 REST_STEPS = 10  # between two looks for movers while the robot stands
 STANDS_CM_S = 1.0  # a robot that is slower drives into nobody who comes towards it
@@ -314,7 +314,7 @@ class Body:
         return part * part * (3.0 - 2.0 * part)
 
     def pose_at(self, t_us: int) -> Pose:
-        """True camera pose at a time of the last 10 s.
+        """True camera pose at a time of the last 30 s.
 
         Raises
         ------

@@ -142,7 +142,7 @@ class Score:
         self._looked_s = -math.inf
 
     def watch(self, stamp_s: float, snapshot: Snapshot, report: DepthReport) -> None:
-        """Take in what was made of the frame with this time on it; call within 10 s of it."""
+        """Take in what was made of the frame with this time on it; call within 30 s of it."""
         t_s = self._simulation.exposed_s(stamp_s)
         if t_s - self._looked_s < DEPTH_EVERY_S:
             return
@@ -173,7 +173,7 @@ class Score:
         Raises
         ------
         ValueError
-            That is more than 10 s ago.
+            That is more than 30 s ago.
         """
         t_s = min(estimate.t_s, self._simulation.clock.now_s())  # the estimate's clock may be a little ahead
         return pose_difference(estimate, self._simulation.true_pose(t_s))

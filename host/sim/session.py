@@ -159,7 +159,7 @@ class Simulation:
         return stamp_s - self._webcam_model.stamp_late_s
 
     def true_pose(self, t_s: float) -> Pose:
-        """Where the camera truly was at a time of the last 10 s; for scoring alone.
+        """Where the camera truly was at a time of the last 30 s; for scoring alone.
 
         Raises
         ------
