@@ -277,7 +277,7 @@ def main() -> None:
     for part in parts:
         results = run_all(drives_of(part, options), 1 if part == "time" else options.jobs, part)
         for one in results:
-            one["has_path"] = world_from_uri(one["camera"]).has_path(PATH_WIDTH_CM)
+            one["has_path"] = bool(world_from_uri(one["camera"]).has_path(PATH_WIDTH_CM))
         all_drives[part] = results
         ran = [one for one in results if "failed" not in one]
         for column in columns:
