@@ -113,7 +113,7 @@ class Wheel:
 
     def _stopping(self) -> bool:
         """It slows down so fast that it seems about to stand."""
-        if self._run < 4:
+        if self._run < 4 or len(self._t) < 4:  # at a creep the older ones are forgotten
             return False
         (a, b, c, d), (p, q, r, s) = self._t[-4:], self._s[-4:]
         first, before, last = abs((q - p) / (b - a)), abs((r - q) / (c - b)), abs((s - r) / (d - c))
