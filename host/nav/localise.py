@@ -51,7 +51,10 @@ APART_CM = 30.0  # landmarks nearer to each other tell no direction
 FITS_CM, FITS_SHARE = 8.0, 0.1  # by which they may lie otherwise to each other than they did
 FOUND_CM, FOUND_RAD = 6.0, 0.06  # standard errors of the place then
 KEPT_CM = 8.0  # and of the other landmarks
-ENOUGH = 4  # a thing counts 2, an edge 1
+ENOUGH = 3  # where they lie nearly where they did, as after a slip: a thing counts 2, an edge 1
+ENOUGH_ELSEWHERE = 6  # anywhere else
+TRY_AGAIN = 20  # frames later, when nothing new is seen
+SLIPPED_CM, SLIPPED_RAD = 40.0, 0.4  # by so much a robot that slips or is pushed may be off
 
 
 @dataclass
@@ -109,6 +112,8 @@ class Localiser:
         self._turn_rate = 0.0
         self.corrections = 0
         self._before: list[tuple[Landmark, np.ndarray]] = []  # landmarks of a frame that was lost, places
+        self._tried: set[int] = set()  # landmarks by which it was last looked for
+        self._idle = 0  # frames since
         self.jump_cm = 0.0  # by how much the last update moved the robot on the map; 100 for a radian
 
     # ---- asking ----
@@ -233,10 +238,13 @@ class Localiser:
 
     def lose_place(self) -> None:
         """The robot is elsewhere than the wheels say: what was known becomes a place to be found again."""
-        if not self._before:
-            places = [self.landmark_cm(row) for row in range(len(self.landmarks))]
-            known = zip(self.landmarks, places, strict=True)
-            self._before = [(mark, place) for mark, place in known if mark.seen >= SURELY_SEEN]
+        places = [self.landmark_cm(row) for row in range(len(self.landmarks))]
+        known = zip(self.landmarks, places, strict=True)
+        known = [(mark, place) for mark, place in known if mark.seen >= SURELY_SEEN]
+        # it may have been lost before: what was known then and is not known anew
+        earlier = [one for one in self._before if not any(_same(one, other) for other in known)]
+        self._before = [*known, *earlier][:LANDMARKS]
+        self._tried, self._idle = set(), 0
         self.landmarks = []
         self._candidates, self._refused = {}, set()
         self._mean = self._mean[:OWN].copy()
@@ -245,11 +253,27 @@ class Localiser:
         self._cov[RATIO:, RATIO:] = learnt
 
     def _find_again(self) -> None:
-        """Landmarks seen now that are known from before, and lie to each other as they did, tell where."""
+        """Landmarks seen now that are known from before, and lie to each other as they did, tell where.
+
+        Most who doubt the wheels do so because of a slip, or for nothing: what lies nearly where it did is
+        looked for first. Things that look alike lie to each other in many ways alike, and a wrong place is
+        worse than going on by the wheels: another place needs more of them, and few that speak against it.
+        """
         rows = [row for row, mark in enumerate(self.landmarks) if mark.seen >= SURELY_SEEN]
-        pairs, now, then, fits, worth = self._compare_places(rows, self._before)
-        if worth < ENOUGH:
+        sure = {self.landmarks[row].number for row in rows}
+        self._idle += 1
+        if len(rows) < 2 or (sure == self._tried and self._idle < TRY_AGAIN):
             return
+        self._tried, self._idle = sure, 0
+        near = np.array([
+            [math.dist(self.landmark_cm(row), place) < self._slipped_cm(place) for _, place in self._before]
+            for row in rows
+        ], dtype=bool).reshape(len(rows), len(self._before))  # fmt: skip
+        pairs, now, then, fits, worth = self._compare_places(rows, self._before, near)
+        if worth < ENOUGH or not self._is_slip(now[fits], then[fits]):
+            pairs, now, then, fits, worth = self._compare_places(rows, self._before, np.ones_like(near))
+            if worth < ENOUGH_ELSEWHERE or fits.sum() < 3 or 3 * fits.sum() < 2 * len(fits):
+                return
         self._change_frame(now[fits], then[fits])
         gone = {k for _, k in pairs}
         for k, (mark, place) in enumerate(self._before):
@@ -259,11 +283,27 @@ class Localiser:
                 self.landmarks.append(mark)
         self._before = []
 
-    def _compare_places(self, rows: list[int], known: list[tuple[Landmark, np.ndarray]]):
-        """Landmarks that look like known ones: (row, index) pairs, places now and then, which fit, worth."""
+    def _slipped_cm(self, place_cm: np.ndarray) -> float:
+        """So far from where it was may something seem to be after a slip."""
+        return SLIPPED_CM + SLIPPED_RAD * math.dist(place_cm, self._mean[:HEADING])
+
+    def _is_slip(self, now: np.ndarray, then: np.ndarray) -> bool:
+        """Whether what moves places to others moves the robot by no more than a slip might."""
+        turn, middle, target = _turn_between(now, then)
+        c, s = math.cos(turn), math.sin(turn)
+        own = self._mean[:HEADING]
+        moved = target + np.array([[c, s], [-s, c]]) @ (own - middle)
+        return abs(turn) < SLIPPED_RAD and math.dist(moved, own) < SLIPPED_CM
+
+    def _compare_places(self, rows: list[int], known: list[tuple[Landmark, np.ndarray]], may: np.ndarray):
+        """Landmarks that look like known ones: (row, index) pairs, places now and then, which fit, worth.
+
+        ``may`` (rows, known) says which come into question.
+        """
         unlike = np.array([
             [self.landmarks[row].look.unlike(mark.look) for mark, _ in known] for row in rows
         ]).reshape(len(rows), len(known))  # fmt: skip
+        unlike[~may] = np.inf
         pairs = [(rows[i], k) for i, k in recognise(unlike).items()]
         now = np.array([self.landmark_cm(row) for row, _ in pairs]).reshape(-1, 2)
         then = np.array([known[k][1] for _, k in pairs]).reshape(-1, 2)
@@ -449,6 +489,10 @@ class Localiser:
         self._mean = np.delete(self._mean, gone)
         self._cov = np.delete(np.delete(self._cov, gone, axis=0), gone, axis=1)
         del self.landmarks[index]
+
+
+def _same(one: tuple[Landmark, np.ndarray], other: tuple[Landmark, np.ndarray]) -> bool:
+    return math.dist(one[1], other[1]) < APART_CM and one[0].look.unlike(other[0].look) < UNLIKE
 
 
 def _fitting(now: np.ndarray, then: np.ndarray) -> np.ndarray:
