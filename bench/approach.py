@@ -24,6 +24,7 @@ from bench.figures_file import check_json, write_json
 from bench.options import at_least
 from host.errors import run_command
 
+TITLE = "Stopping before what is ahead"
 KINDS = ("room", "corridor", "clutter")
 ASKED_CM = (10.0, 20.0, 40.0)
 WITHIN_CM = 3.0
@@ -103,7 +104,7 @@ ROWS = {
 
 def print_table(figures: dict[str, dict[str, Any]]) -> None:
     """One column for each distance, and one for all."""
-    table = Table(title="Stopping before what is ahead", title_justify="left")
+    table = Table(title=TITLE, title_justify="left")
     table.add_column("")
     for name in figures:
         table.add_column(name, justify="right")

@@ -22,6 +22,7 @@ from bench.figures_file import check_json, write_json
 from bench.options import at_least
 from host.errors import run_command
 
+TITLE = "Something crosses ahead"
 KINDS = ("room", "corridor", "clutter")
 YIELDS = ("giving way", "comes this way", "moving)")  # in a reason: the robot knows that something moves
 
@@ -96,7 +97,7 @@ ROWS = {
 
 def print_table(figures: dict[str, dict[str, Any]]) -> None:
     """One column for each kind of world, and one for all."""
-    table = Table(title="Something crosses ahead", title_justify="left")
+    table = Table(title=TITLE, title_justify="left")
     table.add_column("")
     for name in figures:
         table.add_column(name, justify="right")

@@ -20,6 +20,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from bench import approach, movers
 from bench.drives import Drive, run_all
 from bench.figures_file import check_json, write_json
 from bench.options import at_least
@@ -29,7 +30,6 @@ from host.sim.drive_scenes import PATH_WIDTH_CM, free_loop
 from host.sim.scenes import world_from_uri
 
 KINDS = ("room", "corridor", "clutter")
-APPROACHES_CM = (10, 20, 40)
 LOOP_CM = 2000.0
 LOOP_WHEELS = 3  # percent by which the left wheel is larger, which nobody has told the robot
 Part = Literal["worlds", "approach", "movers", "loops", "time"]
@@ -59,29 +59,30 @@ class Options:
 def drives_of(part: Part, options: Options) -> list[Drive]:
     """What is driven for one part of the table."""
 
-    def drive(kind: str, seed: int, more: str = "", *task: str, wheels: str = "") -> Drive:
-        rough = "" if options.plain else "&rough=1"
-        camera, robot = f"sim:{kind}?seed={seed}{rough}{more}", f"sim:?seed={seed}{rough}{wheels}"
-        return Drive(camera, robot, task, options.max_time)
+    rough = "" if options.plain else "&rough=1"
 
-    number = options.rooms if part == "worlds" else max(1, options.rooms // 4)
-    picked = [(KINDS[n % len(KINDS)], options.first_seed + n // len(KINDS)) for n in range(number)]
-    if part == "worlds":
-        return [drive(kind, seed) for kind, seed in picked]
+    def drive(kind: str, seed: int) -> Drive:
+        return Drive(f"sim:{kind}?seed={seed}{rough}", f"sim:?seed={seed}{rough}", (), options.max_time)
+
+    fewer = max(1, options.rooms // 4)
     if part == "approach":
-        return [
-            drive(kind, seed, "", "--approach", str(APPROACHES_CM[seed % len(APPROACHES_CM)]))
-            for kind, seed in picked
-        ]
+        asked = approach.Options(runs=fewer, first_seed=options.first_seed, rough=not options.plain)
+        return [one for one, _ in approach.drives_of(asked)]
     if part == "movers":
-        return [drive(kind, seed, "&movers=1") for kind, seed in picked]
+        return movers.drives_of(
+            movers.Options(runs=fewer, first_seed=options.first_seed, rough=not options.plain)
+        )
+    if part == "worlds":
+        numbers = range(options.rooms)
+        return [drive(KINDS[n % len(KINDS)], options.first_seed + n // len(KINDS)) for n in numbers]
     if part == "loops":
         loops = []
         for seed in range(options.first_seed, options.first_seed + max(1, options.rooms // 20)):
             loop = free_loop(world_from_uri(f"sim:room?seed={seed}"), LOOP_CM)
-            goals = [f"{x:.0f},{z:.0f}" for x, z in loop]
-            loops.append(drive("room", seed, "", "--goal", *goals, wheels=f"&wheels={LOOP_WHEELS}"))
-        return [Drive(d.camera, d.robot, d.task, 10 * options.max_time) for d in loops]
+            task = ("--goal", *(f"{x:.0f},{z:.0f}" for x, z in loop))
+            robot = f"sim:?seed={seed}{rough}&wheels={LOOP_WHEELS}"
+            loops.append(Drive(f"sim:room?seed={seed}{rough}", robot, task, 5 * options.max_time))
+        return loops
     return [drive(kind, options.first_seed) for kind in KINDS]
 
 
@@ -130,24 +131,14 @@ def figures_of_depths(drives: list[dict[str, Any]]) -> dict[str, Any]:
 
 def figures_of_approaches(drives: list[dict[str, Any]]) -> dict[str, Any]:
     """How far from the distance asked for the robot stands at the end."""
-    off = [one["room_ahead_cm"] - _asked_cm(one) for one in drives if one["outcome"] == "approached"]
-    return {
-        "approaches": len(drives),
-        "approach_stopped": len(off),
-        "approach_within_3_cm_percent": _percent(abs(d) <= 3.0 for d in off),
-        "approach_off_cm_median": _median(np.abs(off)),
-        "approach_collisions": sum(one["collisions"] for one in drives),
-    }
+    runs = [approach.outcome_of(one, _asked_cm(one)) for one in drives]
+    return {f"approach_{key}": value for key, value in approach.summary(runs).items()}
 
 
 def figures_of_movers(drives: list[dict[str, Any]]) -> dict[str, Any]:
     """Something crosses the way."""
-    return {
-        "mover_drives": len(drives),
-        "mover_yielded_percent": _percent(one["collisions"] == 0 for one in drives),
-        "mover_untouched_percent": _percent(one["collisions"] + one["run_into"] == 0 for one in drives),
-        "mover_reached_percent": _percent(one["outcome"] == "goal" for one in drives),
-    }
+    runs = [movers.outcome_of(one) for one in drives]
+    return {f"mover_{key}": value for key, value in movers.summary(runs).items()}
 
 
 def figures_of_loops(drives: list[dict[str, Any]]) -> dict[str, Any]:
@@ -218,15 +209,8 @@ ROWS = {
     "depth_within_1_sigma_percent": "within 1 sigma, %",
     "depth_within_2_sigma_percent": "within 2 sigma, %",
     "pose_error_cm_median": "pose at the end off by, median, cm",
-    "approaches": "approaches up to 10, 20, 40 cm",
-    "approach_stopped": "that stopped before something",
-    "approach_within_3_cm_percent": "within 3 cm of what was asked, %",
-    "approach_off_cm_median": "off by, median, cm",
-    "approach_collisions": "collisions",
-    "mover_drives": "drives with something crossing the way",
-    "mover_yielded_percent": "did not drive into it, %",
-    "mover_untouched_percent": "nor were run into, %",
-    "mover_reached_percent": "goal reached, %",
+    **{f"approach_{key}": name for key, name in approach.ROWS.items()},
+    **{f"mover_{key}": name for key, name in movers.ROWS.items()},
     "loops": f"loops of {LOOP_CM / 100:.0f} m, wheels {LOOP_WHEELS} % apart",
     "loops_done_percent": "came to their end, %",
     "loop_metres": "driven, median, m",
@@ -237,7 +221,12 @@ ROWS = {
     "frame_ms_median": "frame, capture to command, median, ms",
     "frame_ms_p95": "p95, ms",
 }
-HEADS = {"drives", "approaches", "mover_drives", "loops", "frame_ms_median"}
+HEADS = {
+    "approach_runs": approach.TITLE,
+    "mover_runs": movers.TITLE,
+    "loops": "Long loops",
+    "frame_ms_median": "Time",
+}
 
 
 def print_table(figures: dict[str, dict[str, Any]], title: str) -> None:
@@ -251,6 +240,7 @@ def print_table(figures: dict[str, dict[str, Any]], title: str) -> None:
             continue
         if key in HEADS and table.row_count:
             table.add_section()
+            table.add_row(HEADS[key])
         table.add_row(name, *(_number(one.get(key)) for one in figures.values()))
     Console().print(table)
 
