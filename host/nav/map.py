@@ -15,6 +15,7 @@ import numpy as np
 
 from host.camera.lens import Lens
 from host.depth.report import DepthReport
+from host.nav import _nav
 from host.nav.config import BodyConfig, NavConfig
 from host.nav.floor import FloorFinder
 from host.nav.odometry import heading_of
@@ -225,91 +226,60 @@ class ObstacleMap:
 
     def _paint(self, pose: Pose, lens: Lens, feet: Feet, standing: list[Standing], movers: set[int]) -> None:
         """Change the evidence of the cells in view."""
-        cells, depth, column = self._cells_in_view(pose, lens, feet.across)
-        evidence, region, brief = self.evidence.reshape(-1), self.region.reshape(-1), self.brief.reshape(-1)
-        gone = cells[brief[cells] & (depth < feet.nearest_cm) & ~feet.cut[column]]
-        evidence[gone] = np.minimum(evidence[gone], 0.0)  # it would be seen there, but for low things
-        brief[gone] = False
-        before, owner = evidence[cells], region[cells]
-        half = self.config.cell_cm / 2
-        free_to = feet.free_cm.copy()
-        for thing in standing:
-            near = thing.depth_cm - 2 * thing.sigma_cm
-            free_to[thing.columns] = np.minimum(free_to[thing.columns], near)
-        change = np.zeros(len(depth), np.float32)
-        empty = (depth < (free_to - half)[column]) & (depth > feet.nearest_cm)
-        change[empty] = SEEN_EMPTY
-
-        by_column = [np.full(len(feet.region), np.nan) for _ in standing]
-        behind = []
-        for thing, front in zip(standing, by_column, strict=True):
-            front[thing.columns] = thing.depth_cm
-            mine = np.flatnonzero(np.isfinite(front)[column])
-            behind.append((mine, depth[mine] - front[column[mine]]))
-        for thing, (mine, off) in zip(standing, behind, strict=True):  # was thought to be nearer: unknown
-            was = before[mine]
-            moved = (
-                (owner[mine] == thing.region) & (off < -(self.config.cell_cm + thing.sigma_cm)) & (was > 0)
-            )
-            change[mine[moved]] = np.maximum(SEEN_EMPTY, -was[moved])
-        most = np.full(len(depth), LIMIT, np.float32)
-        passing = brief[cells]
-        for thing, (mine, off) in zip(standing, behind, strict=True):
-            fleeting = thing.how == AT_BORDER or thing.region in movers
-            if thing.how == AT_BORDER:  # there or nearer, where the map knows of nothing
-                filled = (off > -NEARER * feet.nearest_cm) & (off < SHELL_CM)
-                before[mine[filled]] = np.maximum(before[mine[filled]], DOUBT)
-            else:
-                shell = max(SHELL_CM, thing.sigma_cm)
-                deep = max(shell, min(thing.width_cm(lens), DEEPEST_CM))
-                filled = (off > -min(half + 0.5 * thing.sigma_cm, 3 * half)) & (off < deep)
-                filled &= (off < shell) | (np.abs(before[mine]) < PRESUMED)
-            if thing.region in movers:
-                before[mine[filled]] = np.maximum(before[mine[filled]], 0.0)  # it is there now
-                change[mine[filled]] = SURE
-            else:
-                change[mine[filled]] = SURPRISE if fleeting else thing.weight
-            most[mine[filled]] = BRIEF if fleeting else LIMIT
-            passing[mine[filled]] = fleeting
-            owner[mine[filled]] = thing.region
-        evidence[cells] = np.clip(before + change, -LIMIT, np.maximum(most, before))
-        region[cells], brief[cells] = owner, passing
-
-    def _cells_in_view(self, pose: Pose, lens: Lens, across: np.ndarray):
-        """(index into the flat grid, depth, image column) of the map's cells before the camera, each (N,)."""
         x0, z0 = float(pose.position_cm[0]), float(pose.position_cm[2])
         heading = heading_of(pose)
         sine, cosine = math.sin(heading), math.cos(heading)
-        left, right = float(across[0]) - 0.02, float(across[-1]) + 0.02
+        left, right = float(feet.across[0]) - 0.02, float(feet.across[-1]) + 0.02
         corners_x = [x0, *(x0 + RANGE_CM * (sine + a * cosine) for a in (left, right))]
         corners_z = [z0, *(z0 + RANGE_CM * (cosine - a * sine) for a in (left, right))]
         r0, c0 = self.cell_of(min(corners_x), min(corners_z))
         r1, c1 = self.cell_of(max(corners_x), max(corners_z))
-        dx, dz = self.centres_cm[c0 : c1 + 1] - x0, self.centres_cm[r0 : r1 + 1, None] - z0
-        depth = ((dx * sine)[None, :] + dz * cosine).ravel()
-        side = ((dx * cosine)[None, :] - dz * sine).ravel()
-        inside = np.flatnonzero(
-            (depth > 1.0) & (depth < RANGE_CM) & (side > left * depth) & (side < right * depth)
+        rays, pixels = _level_line(lens)
+        _nav.paint(
+            self.evidence,
+            self.region,
+            self.brief,
+            self.centres_cm,
+            _nav.View(x0, z0, sine, cosine, left, right, RANGE_CM, lens.fx, lens.cx, rays, pixels, STEP_PX),
+            (r0, r1, c0, c1),
+            _nav.Floor(feet.free_cm, feet.cut, feet.nearest_cm),
+            [self._front(thing, lens, feet, thing.region in movers) for thing in standing],
+            _nav.Rules(SEEN_EMPTY, PRESUMED, LIMIT, self.config.cell_cm),
         )
-        depth = depth[inside]
-        pixel = _pixel_of(side[inside] / depth, lens)
-        column = np.floor((pixel + 0.5) / STEP_PX).astype(int)
-        seen = (column >= 0) & (column < len(across))
-        rows, cols = np.divmod(inside[seen], c1 - c0 + 1)
-        return (rows + r0) * len(self.centres_cm) + cols + c0, depth[seen], column[seen]
 
-
-def _pixel_of(across: np.ndarray, lens: Lens) -> np.ndarray:
-    """Image x of level rays (N,) = X/Z."""
-    if not any(lens.distortion):
-        return across * lens.fx + lens.cx
-    rays, pixels = _level_line(lens)
-    return np.interp(across, rays, pixels)
+    def _front(self, thing: Standing, lens: Lens, feet: Feet, moves: bool) -> _nav.Front:
+        """A thing and what it is worth to the cells where it stands."""
+        half = self.config.cell_cm / 2
+        if thing.how == AT_BORDER:  # there or nearer, where the map knows of nothing
+            begins, ends, sure, at_least = -NEARER * feet.nearest_cm, SHELL_CM, math.inf, DOUBT
+        else:
+            begins, sure = -min(half + 0.5 * thing.sigma_cm, 3 * half), max(SHELL_CM, thing.sigma_cm)
+            ends, at_least = max(sure, min(thing.width_cm(lens), DEEPEST_CM)), -math.inf
+        fleeting = moves or thing.how == AT_BORDER
+        if moves:  # it is there now
+            at_least, change = 0.0, SURE
+        else:
+            change = SURPRISE if fleeting else thing.weight
+        return _nav.Front(
+            thing.region,
+            thing.columns,
+            thing.depth_cm,
+            thing.sigma_cm,
+            begins,
+            ends,
+            sure,
+            at_least,
+            change,
+            BRIEF if fleeting else LIMIT,
+            fleeting,
+        )
 
 
 @lru_cache(maxsize=2)
 def _level_line(lens: Lens) -> tuple[np.ndarray, np.ndarray]:
-    """X/Z of level rays across the image and beyond it, and the image x of each."""
+    """X/Z of level rays across the image and beyond it, and the image x of each; none without distortion."""
+    if not any(lens.distortion):
+        return np.empty(0), np.empty(0)
     rays = np.linspace(-1.2, 1.2, 4 * lens.width) * lens.width / lens.fx
     return rays, lens.to_pixels(np.column_stack([rays, np.zeros(len(rays))]))[:, 0]
 

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 
 from host.camera.lens import Lens
+from host.nav import _nav
 from host.nav.odometry import heading_of
 from host.pose import Pose
 from host.rbdn.snapshot import Snapshot
@@ -88,26 +89,12 @@ class Picture:
     """
 
     def __init__(self, snapshot: Snapshot, lens: Lens, rays: Rays) -> None:
-        labels = label_image(snapshot, lens)
         self.ids = np.array([*(region.id for region in snapshot.regions), NO_REGION], np.int64)
         self.place = {region.id: k for k, region in enumerate(snapshot.regions)}
-        self._fill(np.ascontiguousarray(labels[::-1].T), rays)
-
-    def _fill(self, labels: np.ndarray, rays: Rays) -> None:
-        cols, rows = labels.shape
-        kinds = len(self.ids)
-        self.labels, self.rays = labels, rays
-        flat = labels.ravel()
-        ends_here = flat[1:] != flat[:-1]
-        ends_here[rows - 1 :: rows] = True
-        self._ends = np.append(np.flatnonzero(ends_here) + 1, len(flat))
-        self._starts = np.append(0, self._ends[:-1])
-        self._owner = flat[self._starts].astype(np.int64)
-        column, row = np.divmod(self._starts, rows)
-        self.lowest = np.full((kinds, cols), -1)
-        self.lowest[self._owner[::-1], column[::-1]] = row[::-1]  # the last one written stays
-        self.pixels = np.bincount(self._owner, self._ends - self._starts, kinds)
-        self.at_border = np.bincount(labels[:, 0], minlength=kinds)
+        self.rays = rays
+        self.labels, self._starts, self._ends, self._owner, self.lowest, self.pixels, self.at_border = (
+            _nav.columns(label_image(snapshot, lens), len(self.ids))
+        )
 
     @property
     def shape(self) -> tuple[int, int]:

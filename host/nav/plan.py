@@ -6,13 +6,13 @@ not fit between them the cells themselves are.
 
 from __future__ import annotations
 
-import heapq
 import math
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
+from host.nav import _nav
 from host.nav.map import ObstacleMap
 
 UNKNOWN_COST = 3.0  # where the robot would stand on floor not seen yet costs this many free cells
@@ -23,7 +23,6 @@ TURN_CM = 50.0  # cells up to here cost more the farther they lie from where the
 TURN_COST = 2.5  # so much right behind it: a half turn takes as long as a metre ahead
 COARSE = 2  # cells along the side of a block
 LEGS = np.array([0.25, 0.5, 0.75])[:, None, None]  # of a leg from block to block, where it is checked
-STEPS = [(dr, dc, math.hypot(dr, dc)) for dr in (-1, 0, 1) for dc in (-1, 0, 1) if dr or dc]
 
 
 @dataclass(frozen=True)
@@ -165,36 +164,11 @@ def _search(
     shut: np.ndarray, cost: np.ndarray, start: tuple[int, int], left: np.ndarray, reach: float
 ) -> list[tuple[int, int]]:
     """Cells from the start to the first one with no more than `reach` cells `left`, which can be got to."""
-    side = shut.shape[1] + 2  # a shut rim spares the test for the border
-    closed = np.pad(shut, 1, constant_values=True).ravel().tolist()
-    price = np.pad(cost, 1, constant_values=1.0).ravel().tolist()
-    left = np.pad(left, 1, constant_values=np.inf).ravel()
-    ahead = (HASTE * left).tolist()
-    there = (left <= reach).tolist()
-    steps = [(dr * side + dc, length) for dr, dc, length in STEPS]
-    first = (start[0] + 1) * side + start[1] + 1
-    best, came, queue = {first: 0.0}, {first: first}, [(0.0, first)]
-    while queue:
-        _, cell = heapq.heappop(queue)
-        if closed[cell] and cell != first:
-            continue
-        if there[cell]:
-            way = [cell]
-            while way[-1] != first:
-                way.append(came[way[-1]])
-            return [(c // side - 1, c % side - 1) for c in reversed(way)]
-        closed[cell] = True
-        so_far = best[cell]
-        for step, length in steps:
-            other = cell + step
-            if closed[other]:
-                continue
-            new = so_far + length * price[other]
-            if new < best.get(other, math.inf):
-                best[other] = new
-                came[other] = cell
-                heapq.heappush(queue, (new + ahead[other], other))
-    raise ValueError(f"no way from {start} though the target is in the same open part of the map")
+    way = _nav.search(shut, cost, HASTE * left, left <= reach, *start)
+    if len(way) == 0:
+        raise ValueError(f"no way from {start} though the target is in the same open part of the map")
+    rows, cols = np.divmod(way, shut.shape[1])
+    return list(zip(rows.tolist(), cols.tolist(), strict=True))
 
 
 def tightest(obstacle_map: ObstacleMap) -> float:

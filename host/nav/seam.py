@@ -9,6 +9,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from host.nav import _nav
 from host.nav.picture import STEP_PX
 
 STRIP = 4  # columns that are looked at together
@@ -36,10 +37,7 @@ def find_foot(strips: np.ndarray, mine: np.ndarray, highest: np.ndarray) -> np.n
     mine : (W / 2, H / 2) bool, pixels of the region.
     highest : (W / 2,) pixels above the lower border up to which there may be a foot.
     """
-    strips = strips - (1.0 - LIGHT) * strips.mean(axis=2, keepdims=True)
-    sums = np.concatenate([np.zeros_like(strips[:, :1]), np.cumsum(strips, axis=1)], axis=1)
-    means = (sums[:, WINDOW:] - sums[:, :-WINDOW]) / WINDOW  # of the window that begins at each pixel
-    step = np.sqrt(((means[:, WINDOW:] - means[:, :-WINDOW]) ** 2).sum(axis=2))  # at pixel index + WINDOW
+    step = _nav.colour_steps(strips, WINDOW, LIGHT)  # at pixel index + WINDOW
     whole = mine[: len(strips) * STRIP].reshape(len(strips), STRIP, -1).all(axis=1)
     inside = np.cumsum(~whole, axis=1) == 0  # from the lower border up without a gap
     rows = np.arange(step.shape[1]) + WINDOW
@@ -48,23 +46,9 @@ def find_foot(strips: np.ndarray, mine: np.ndarray, highest: np.ndarray) -> np.n
     best = step.argmax(axis=1)
     found = step[np.arange(len(step)), best] > LEAST_STEP
     foot = np.where(found, best + WINDOW, -1)
-    foot = np.where(_wide(foot, _agreed(foot, found)), foot, -1)
+    foot = np.where(_wide(foot, _nav.agreed(foot, found, SEARCH, AGREE_PX)), foot, -1)
     strip = np.minimum(np.arange(len(mine)) // STRIP, len(strips) - 1)
     return foot[strip]
-
-
-def _agreed(foot: np.ndarray, found: np.ndarray) -> np.ndarray:
-    """Whether a strip's foot lies where the line through its neighbours' has it."""
-    out = np.zeros(len(foot), bool)
-    for k in np.flatnonzero(found).tolist():
-        near = np.arange(max(0, k - SEARCH), min(len(foot), k + SEARCH + 1))
-        near = near[found[near] & (near != k)]
-        if len(near) < 2:
-            continue
-        slopes = (foot[near] - foot[k]) / (near - k)
-        rise = float(np.median(slopes))
-        out[k] = (np.abs(slopes - rise) * np.abs(near - k) <= AGREE_PX).sum() >= max(2, len(near) // 2 + 1)
-    return out
 
 
 def _wide(foot: np.ndarray, found: np.ndarray) -> np.ndarray:

@@ -19,6 +19,7 @@ import numpy as np
 
 from host.camera.lens import Lens
 from host.depth.report import DepthReport
+from host.nav import _nav
 from host.nav.floor import FARTHEST_CM, SIGMA_RAY, FloorFinder
 from host.nav.odometry import heading_of
 from host.nav.picture import NO_REGION, STEP_PX, Picture
@@ -32,6 +33,7 @@ HANGING = 0.6  # a thing whose outer feet are flatter than this part of its near
 MEAN_TO_FRONT = 0.15  # a thing's nearest point before its mean depth, in its widths
 FARTHEST_DEPTH_CM = 450.0
 LEAST_COLUMNS = 3
+MIXED = 2  # a region that is floor up to a foot, beside 1 for floor and 0 for all else
 CUT_PART = 0.25  # with a larger part of its feet below the image, the others are a thing's sides or slivers
 AT_BORDER = "at the lower border"  # it is there or nearer, and nothing says how much nearer
 SURE, FAIR, FAINT = 1.0, 0.5, 0.25  # log-odds a frame is worth: depth and foot agree; one alone; they do not
@@ -84,24 +86,15 @@ class Feet:
         column = np.arange(len(labels))
         self.across, self.height_cm = rays.across, height_cm
         ids = picture.ids.tolist()
-        is_floor = np.array([i == NO_REGION or floor.is_floor(i) for i in ids])
-        is_mixed = np.array([floor.is_mixed(i) for i in ids])
-        surely = passable = is_floor[labels]
-        if is_mixed.any():
-            mixed = is_mixed[labels]
-            foot = floor.foot[:, None]
-            surely = surely | (mixed & (np.arange(labels.shape[1]) < foot))
-            passable = surely | (mixed & (foot < 0))
-        row, open_ended = _first_other(passable)
+        ground = [MIXED if floor.is_mixed(i) else i == NO_REGION or floor.is_floor(i) for i in ids]
+        row, open_ended, sure_row = _nav.first_other(labels, np.array(ground, np.uint8), floor.foot)
         self.cut = (row == 0) & ~open_ended
         self.region = np.where(open_ended, NO_REGION, picture.ids[labels[column, row]])
         # the foot's ray passes between the foot's pixel and the floor's pixel below it
         slope = 0.5 * (rays.down[column, row] + rays.down[column, np.maximum(row - 1, 0)])
         self.depth_cm = np.minimum(height_cm / np.maximum(slope, 1e-6), FARTHEST_CM)
         self.slope = height_cm / self.depth_cm
-        if surely is not passable:
-            row, _ = _first_other(surely)
-        slope = np.maximum(rays.down[column, np.maximum(row - 1, 0)], 1e-6)
+        slope = np.maximum(rays.down[column, np.maximum(sure_row - 1, 0)], 1e-6)
         self.free_cm = np.minimum(height_cm / slope, FARTHEST_CM)
         self.free_cm -= 2 * self.free_cm**2 / height_cm * SIGMA_RAY
         self.nearest_cm = height_cm / rays.steepest
@@ -119,13 +112,6 @@ class Feet:
         sine, cosine = self._ahead
         x, z = self._from
         return x + depth_cm * sine + side * cosine, z + depth_cm * cosine - side * sine
-
-
-def _first_other(mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Upwards in each column: row of the first pixel not in the mask, the top one if none; is there none."""
-    row = mask.argmin(axis=1)
-    none = mask[np.arange(len(mask)), row]
-    return np.where(none, mask.shape[1] - 1, row), none
 
 
 def stand_of(

@@ -1,0 +1,64 @@
+# What the map and the planner do cell by cell, documented in core/.
+import numpy as np
+
+class Front:
+    def __init__(
+        self,
+        region: int,
+        columns: np.ndarray,
+        depth_cm: np.ndarray,
+        sigma_cm: float,
+        from_cm: float,
+        to_cm: float,
+        sure_cm: float,
+        at_least: float,
+        change: float,
+        most: float,
+        brief: bool,
+    ) -> None: ...
+
+class View:
+    def __init__(
+        self,
+        x_cm: float,
+        z_cm: float,
+        sine: float,
+        cosine: float,
+        left: float,
+        right: float,
+        range_cm: float,
+        fx: float,
+        cx: float,
+        rays: np.ndarray,
+        pixels: np.ndarray,
+        step_px: float,
+    ) -> None: ...
+
+class Floor:
+    def __init__(self, free_cm: np.ndarray, cut: np.ndarray, nearest_cm: float) -> None: ...
+
+class Rules:
+    def __init__(self, seen_empty: float, presumed: float, limit: float, cell_cm: float) -> None: ...
+
+def paint(
+    evidence: np.ndarray,
+    region: np.ndarray,
+    brief: np.ndarray,
+    centres_cm: np.ndarray,
+    view: View,
+    window: tuple[int, int, int, int],
+    floor: Floor,
+    fronts: list[Front],
+    rules: Rules,
+) -> None: ...
+def columns(
+    image: np.ndarray, kinds: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]: ...
+def first_other(
+    labels: np.ndarray, ground: np.ndarray, foot: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]: ...
+def colour_steps(colours: np.ndarray, window: int, light: float) -> np.ndarray: ...
+def agreed(foot: np.ndarray, found: np.ndarray, search: int, agree_px: float) -> np.ndarray: ...
+def search(
+    shut: np.ndarray, cost: np.ndarray, ahead: np.ndarray, there: np.ndarray, row: int, col: int
+) -> np.ndarray: ...

@@ -1,0 +1,151 @@
+// The Python face of what the map and the planner do cell by cell.
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/array.h>
+#include <nanobind/stl/vector.h>
+
+#include <algorithm>
+#include <array>
+#include <cstdint>
+#include <vector>
+
+#include "columns.hpp"
+#include "grid.hpp"
+#include "search.hpp"
+#include "seam.hpp"
+
+namespace nb = nanobind;
+using namespace nb::literals;
+
+namespace {
+
+template <class T>
+using Image = nb::ndarray<const T, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+template <class T>
+using Layer = nb::ndarray<T, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
+template <class T>
+using Row = nb::ndarray<const T, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+
+template <class T, class From>
+nb::object to_array(const std::vector<From>& values, std::initializer_list<std::size_t> shape) {
+    T* data = new T[values.size() + 1];
+    std::copy(values.begin(), values.end(), data);
+    nb::capsule owner(data, [](void* p) noexcept { delete[] static_cast<T*>(p); });
+    return nb::cast(nb::ndarray<nb::numpy, T>(data, shape, owner));
+}
+
+void require(bool holds, const char* what) {
+    if (!holds) throw nb::value_error(what);
+}
+
+template <class T>
+nb::tuple columns(const Image<T>& image, std::size_t kinds) {
+    const nav::Columns c = nav::columns_of(image.data(), image.shape(0), image.shape(1), kinds);
+    const std::size_t stretches = c.starts.size();
+    return nb::make_tuple(to_array<std::uint16_t>(c.labels, {c.cols, c.rows}),
+                          to_array<std::int64_t>(c.starts, {stretches}), to_array<std::int64_t>(c.ends, {stretches}),
+                          to_array<std::int64_t>(c.owner, {stretches}),
+                          to_array<std::int64_t>(c.lowest, {kinds, c.cols}), to_array<std::int64_t>(c.pixels, {kinds}),
+                          to_array<std::int64_t>(c.at_border, {kinds}));
+}
+
+nb::tuple first_other(const Image<std::uint16_t>& labels, const Row<std::uint8_t>& ground,
+                      const Row<std::int64_t>& foot) {
+    const std::size_t cols = labels.shape(0), rows = labels.shape(1);
+    require(rows > 0 && foot.shape(0) == cols, "one foot for every column");
+    std::uint16_t last = 0;
+    for (std::size_t k = 0; k < cols * rows; ++k) last = std::max(last, labels.data()[k]);
+    require(last < ground.shape(0), "of every kind whether it is floor");
+    const nav::FirstOther found = nav::first_other(labels.data(), cols, rows, ground.data(), foot.data());
+    return nb::make_tuple(to_array<std::int64_t>(found.row, {cols}), to_array<bool>(found.open_ended, {cols}),
+                          to_array<std::int64_t>(found.sure_row, {cols}));
+}
+
+nav::Front front(std::int32_t region, const Row<std::int64_t>& columns_seen, const Row<double>& depth_cm,
+                 double sigma_cm, double from_cm, double to_cm, double sure_cm, float at_least, float change, float most,
+                 bool brief) {
+    const std::size_t n = columns_seen.shape(0);
+    require(depth_cm.shape(0) == n, "one depth for every column");
+    return {region, {columns_seen.data(), columns_seen.data() + n}, {depth_cm.data(), depth_cm.data() + n},
+            sigma_cm, from_cm, to_cm, sure_cm, at_least, change, most, brief};
+}
+
+nav::View view(double x_cm, double z_cm, double sine, double cosine, double left, double right, double range_cm,
+               double fx, double cx, const Row<double>& rays, const Row<double>& pixels, double step_px) {
+    require(rays.shape(0) == pixels.shape(0), "one pixel for every ray");
+    return {x_cm, z_cm, sine, cosine, left, right, range_cm, 0, 0, 0, 0, fx, cx,
+            {rays.data(), rays.data() + rays.shape(0)}, {pixels.data(), pixels.data() + pixels.shape(0)}, step_px};
+}
+
+nav::Floor floor_seen(const Row<double>& free_cm, const Row<bool>& cut, double nearest_cm) {
+    const std::size_t n = free_cm.shape(0);
+    require(cut.shape(0) == n, "of every column whether it is cut");
+    return {std::vector<double>(free_cm.data(), free_cm.data() + n), std::vector<bool>(cut.data(), cut.data() + n),
+            nearest_cm};
+}
+
+void paint(const Layer<float>& evidence, const Layer<std::int32_t>& region, const Layer<bool>& brief,
+           const Row<double>& centres_cm, const nav::View& seen, const std::array<std::size_t, 4>& window,
+           const nav::Floor& floor, const std::vector<nav::Front>& fronts, const nav::Rules& rules) {
+    const std::size_t side = centres_cm.shape(0);
+    for (std::size_t k = 0; k < 2; ++k)
+        require(evidence.shape(k) == side && region.shape(k) == side && brief.shape(k) == side,
+                "layers of one size");
+    require(window[1] < side && window[3] < side, "a window within the map");
+    for (const nav::Front& f : fronts)
+        for (const std::int64_t c : f.columns)
+            require(c >= 0 && static_cast<std::size_t>(c) < floor.free_cm.size(), "columns of the picture");
+    nav::View within = seen;
+    within.row0 = window[0], within.row1 = window[1], within.col0 = window[2], within.col1 = window[3];
+    nav::paint({evidence.data(), region.data(), brief.data(), centres_cm.data(), side}, within, floor, fronts, rules);
+}
+
+nb::object colour_steps(const nb::ndarray<const float, nb::shape<-1, -1, 3>, nb::c_contig, nb::device::cpu>& colours,
+                        std::size_t window, double light) {
+    const std::size_t strips = colours.shape(0), rows = colours.shape(1);
+    require(window > 0 && rows + 1 > 2 * window, "strips longer than two windows");
+    return to_array<float>(nav::colour_steps(colours.data(), strips, rows, window, light),
+                           {strips, rows + 1 - 2 * window});
+}
+
+nb::object agreed(const Row<std::int64_t>& foot, const Row<bool>& found, std::size_t search, double agree_px) {
+    const std::size_t n = foot.shape(0);
+    require(found.shape(0) == n, "of every foot whether it was found");
+    const std::vector<std::int64_t> feet(foot.data(), foot.data() + n);
+    const std::vector<std::uint8_t> known(found.data(), found.data() + n);
+    return to_array<bool>(nav::agreed(feet, known, search, agree_px), {n});
+}
+
+nb::object search(const Image<bool>& shut, const Image<float>& cost, const Image<float>& ahead,
+                  const Image<bool>& there, std::size_t row, std::size_t col) {
+    const std::size_t rows = shut.shape(0), cols = shut.shape(1);
+    require(row < rows && col < cols, "a start within the field");
+    require(cost.shape(0) == rows && cost.shape(1) == cols && ahead.shape(0) == rows && ahead.shape(1) == cols &&
+                there.shape(0) == rows && there.shape(1) == cols,
+            "fields of one size");
+    const std::vector<std::size_t> way =
+        nav::search({rows, cols, shut.data(), cost.data(), ahead.data(), there.data()}, row * cols + col);
+    return to_array<std::int64_t>(way, {way.size()});
+}
+
+}  // namespace
+
+NB_MODULE(_nav, m) {
+    nb::class_<nav::Front>(m, "Front")
+        .def(nb::new_(&front), "region"_a, "columns"_a, "depth_cm"_a, "sigma_cm"_a, "from_cm"_a, "to_cm"_a,
+             "sure_cm"_a, "at_least"_a, "change"_a, "most"_a, "brief"_a);
+    nb::class_<nav::View>(m, "View")
+        .def(nb::new_(&view), "x_cm"_a, "z_cm"_a, "sine"_a, "cosine"_a, "left"_a, "right"_a, "range_cm"_a, "fx"_a,
+             "cx"_a, "rays"_a, "pixels"_a, "step_px"_a);
+    nb::class_<nav::Floor>(m, "Floor").def(nb::new_(&floor_seen), "free_cm"_a, "cut"_a, "nearest_cm"_a);
+    nb::class_<nav::Rules>(m, "Rules").def(nb::init<float, float, float, double>(), "seen_empty"_a, "presumed"_a,
+                                           "limit"_a, "cell_cm"_a);
+    m.def("paint", &paint, "evidence"_a.noconvert(), "region"_a.noconvert(), "brief"_a.noconvert(), "centres_cm"_a,
+          "view"_a, "window"_a, "floor"_a, "fronts"_a, "rules"_a);
+    m.def("columns", &columns<std::uint8_t>, "image"_a.noconvert(), "kinds"_a);
+    m.def("columns", &columns<std::uint16_t>, "image"_a.noconvert(), "kinds"_a);
+    m.def("first_other", &first_other, "labels"_a, "ground"_a, "foot"_a);
+    m.def("colour_steps", &colour_steps, "colours"_a, "window"_a, "light"_a);
+    m.def("agreed", &agreed, "foot"_a, "found"_a, "search"_a, "agree_px"_a);
+    m.def("search", &search, "shut"_a, "cost"_a, "ahead"_a, "there"_a, "row"_a, "col"_a);
+}

@@ -1,0 +1,96 @@
+#include "grid.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace nav {
+
+namespace {
+
+// Image x of a level ray; beyond the table that of its nearest end.
+double pixel_of(double across, const View& view) {
+    if (view.rays.empty()) return across * view.fx + view.cx;
+    if (across <= view.rays.front()) return view.pixels.front();
+    if (across >= view.rays.back()) return view.pixels.back();
+    const auto above = std::upper_bound(view.rays.begin(), view.rays.end(), across);
+    const std::size_t k = static_cast<std::size_t>(above - view.rays.begin()) - 1;
+    const double rise = (view.pixels[k + 1] - view.pixels[k]) / (view.rays[k + 1] - view.rays[k]);
+    return rise * (across - view.rays[k]) + view.pixels[k];
+}
+
+struct Place {
+    const Front* front;
+    double depth_cm;
+};
+
+// The fronts in each column, in their order.
+std::vector<std::vector<Place>> by_column(const std::vector<Front>& fronts, std::size_t width) {
+    std::vector<std::vector<Place>> out(width);
+    for (const Front& front : fronts)
+        for (std::size_t k = 0; k < front.columns.size(); ++k)
+            if (std::isfinite(front.depth_cm[k]))
+                out[static_cast<std::size_t>(front.columns[k])].push_back({&front, front.depth_cm[k]});
+    return out;
+}
+
+struct Cell {
+    float& evidence;
+    std::int32_t& region;
+    bool& brief;
+};
+
+// free_to_cm: floor is seen in its column up to here
+void judge(Cell cell, double depth_cm, double free_to_cm, const Floor& floor, const std::vector<Place>& places,
+           const Rules& rules) {
+    float before = cell.evidence;
+    float change = depth_cm < free_to_cm && depth_cm > floor.nearest_cm ? rules.seen_empty : 0.0f;
+    for (const Place& place : places) {  // was thought to be nearer: unknown
+        const bool moved = depth_cm - place.depth_cm < -(rules.cell_cm + place.front->sigma_cm);
+        if (moved && cell.region == place.front->region && before > 0.0f) change = std::max(rules.seen_empty, -before);
+    }
+    float most = rules.limit;
+    for (const Place& place : places) {
+        const Front& front = *place.front;
+        const double off_cm = depth_cm - place.depth_cm;
+        if (!(off_cm > front.from_cm && off_cm < front.to_cm)) continue;
+        if (!(off_cm < front.sure_cm || std::abs(before) < rules.presumed)) continue;
+        before = std::max(before, front.at_least);
+        change = front.change, most = front.most;
+        cell.brief = front.brief, cell.region = front.region;
+    }
+    cell.evidence = std::min(std::max(before + change, -rules.limit), std::max(most, before));
+}
+
+}  // namespace
+
+void paint(const Grid& grid, const View& view, const Floor& floor, const std::vector<Front>& fronts, const Rules& rules) {
+    const std::size_t width = floor.free_cm.size();
+    const std::vector<std::vector<Place>> places = by_column(fronts, width);
+    std::vector<double> free_to = floor.free_cm;
+    for (std::size_t c = 0; c < width; ++c) {
+        for (const Place& place : places[c])
+            free_to[c] = std::min(free_to[c], place.depth_cm - 2 * place.front->sigma_cm);
+        free_to[c] -= rules.cell_cm / 2;
+    }
+    for (std::size_t row = view.row0; row <= view.row1; ++row) {
+        const double dz = grid.centres_cm[row] - view.z_cm;
+        for (std::size_t col = view.col0; col <= view.col1; ++col) {
+            const double dx = grid.centres_cm[col] - view.x_cm;
+            const double depth = dx * view.sine + dz * view.cosine;
+            if (!(depth > 1.0 && depth < view.range_cm)) continue;
+            const double side = dx * view.cosine - dz * view.sine;
+            if (!(side > view.left * depth && side < view.right * depth)) continue;
+            const double column = std::floor((pixel_of(side / depth, view) + 0.5) / view.step_px);
+            if (!(column >= 0 && column < static_cast<double>(width))) continue;
+            const auto c = static_cast<std::size_t>(column);
+            const std::size_t at = row * grid.side + col;
+            if (grid.brief[at] && depth < floor.nearest_cm && !floor.cut[c]) {  // it would be seen, but for low things
+                grid.evidence[at] = std::min(grid.evidence[at], 0.0f);
+                grid.brief[at] = false;
+            }
+            judge({grid.evidence[at], grid.region[at], grid.brief[at]}, depth, free_to[c], floor, places[c], rules);
+        }
+    }
+}
+
+}  // namespace nav

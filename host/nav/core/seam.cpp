@@ -1,0 +1,58 @@
+#include "seam.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace nav {
+
+std::vector<float> colour_steps(const float* colours, std::size_t strips, std::size_t rows, std::size_t window,
+                                double light) {
+    const float darker = static_cast<float>(1.0 - light);
+    const std::size_t steps = rows + 1 > 2 * window ? rows + 1 - 2 * window : 0;
+    const float size = static_cast<float>(window);
+    std::vector<float> out(strips * steps), sums(3 * (rows + 1)), means(3 * (rows + 1));
+    for (std::size_t s = 0; s < strips; ++s) {
+        for (std::size_t r = 0; r < rows; ++r) {
+            const float* at = colours + 3 * (s * rows + r);
+            const float grey = darker * ((at[0] + at[1] + at[2]) / 3.0f);
+            for (std::size_t c = 0; c < 3; ++c) sums[3 * (r + 1) + c] = sums[3 * r + c] + (at[c] - grey);
+        }
+        for (std::size_t k = 0; k + 3 * window < 3 * (rows + 1); ++k) means[k] = (sums[k + 3 * window] - sums[k]) / size;
+        for (std::size_t k = 0; k < steps; ++k) {
+            float square[3];
+            for (std::size_t c = 0; c < 3; ++c) {
+                const float change = means[3 * (k + window) + c] - means[3 * k + c];
+                square[c] = change * change;
+            }
+            out[s * steps + k] = std::sqrt(square[0] + square[1] + square[2]);
+        }
+    }
+    return out;
+}
+
+std::vector<std::uint8_t> agreed(const std::vector<std::int64_t>& foot, const std::vector<std::uint8_t>& found,
+                                 std::size_t search, double agree_px) {
+    std::vector<std::uint8_t> out(foot.size(), 0);
+    std::vector<double> slopes, ordered, away;
+    for (std::size_t k = 0; k < foot.size(); ++k) {
+        if (!found[k]) continue;
+        slopes.clear(), away.clear();
+        const std::size_t last = std::min(foot.size() - 1, k + search);
+        for (std::size_t j = k > search ? k - search : 0; j <= last; ++j) {
+            if (j == k || !found[j]) continue;
+            away.push_back(static_cast<double>(j) - static_cast<double>(k));
+            slopes.push_back(static_cast<double>(foot[j] - foot[k]) / away.back());
+        }
+        const std::size_t n = slopes.size();
+        if (n < 2) continue;
+        ordered = slopes;
+        std::sort(ordered.begin(), ordered.end());
+        const double rise = n % 2 ? ordered[n / 2] : (ordered[n / 2 - 1] + ordered[n / 2]) / 2;
+        std::size_t fit = 0;
+        for (std::size_t i = 0; i < n; ++i) fit += std::abs(slopes[i] - rise) * std::abs(away[i]) <= agree_px;
+        out[k] = fit >= std::max<std::size_t>(2, n / 2 + 1);
+    }
+    return out;
+}
+
+}  // namespace nav
