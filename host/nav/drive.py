@@ -17,7 +17,7 @@ from host.link.robot import Robot
 from host.nav.config import NavConfig
 from host.nav.odometry import WheelReading
 from host.nav.pace import Pace
-from host.nav.pilot import Pilot, View
+from host.nav.pilot import Pilot, Stages, View
 from host.nav.result import DriveLog, LostAndFound
 from host.nav.slip import WheelWatch
 from host.nav.steer import Command
@@ -158,10 +158,13 @@ class _Trip:
     def one_frame(self) -> None:
         """Newest picture in, one command out, or a stop with its reason."""
         frame, objection = self._next_frame()
-        self._listen()
+        began_s, stages = time.perf_counter(), Stages()
+        with stages.of("wheels"):
+            self._listen()
         now_s = self.clock.now_s()
         if frame is not None:
-            objection = self.pictures.objection(frame, now_s, self.pilot.odometry.rolled_cm)
+            with stages.of("watch"):
+                objection = self.pictures.objection(frame, now_s, self.pilot.odometry.rolled_cm)
         if frame is None or objection is not None or self._deaf():
             self._refuse(frame, objection or self._deaf() or "no picture")
             return
@@ -169,19 +172,21 @@ class _Trip:
         if view is None:
             return
         self.seeing_s = now_s
-        doubt = self.wheels.doubt(view)
+        with stages.of("watch"):
+            doubt = self.wheels.doubt(view)
         if doubt is not None:
             self._refuse(frame, doubt)
             self._forget(doubt)
             return
-        command = view.command
+        command = self._careful(view.command)
         waiting = self._waiting_for(now_s)
         if waiting is not None and command.outcome is None and not command.hands_off:
             command = Command(0.0, 0.0, f"stop: {waiting}")
-            view = replace(view, command=command)
-        self._obey(command)
+        with stages.of("wheels"):
+            self._obey(command)
+        self.log.frame_ms.add(1e3 * (time.perf_counter() - began_s))
         self.log.latency_ms.add(1e3 * (self.clock.now_s() - frame.t_s))
-        self._note(view)
+        self._note(replace(view, command=command, stage_ms=stages.ms | view.stage_ms))
         self._end_where_over(command)
 
     def reconnect(self) -> None:
@@ -235,10 +240,7 @@ class _Trip:
 
     def _understand(self, frame: Frame, now_s: float) -> View | None:
         """What is made of a frame; None where that took so long that it is nothing to drive on any more."""
-        began = time.perf_counter()
         view = self.pilot.take(frame, now_s)
-        self.log.frame_ms.add(1e3 * (time.perf_counter() - began))
-        self.log.spent(view.stage_ms)
         ready_s = self.clock.now_s()
         for since_s, allowed_s in ((now_s, UNDERSTAND_S), (frame.t_s, self.config.frame_stale_s)):
             if ready_s - since_s > allowed_s:
@@ -295,9 +297,22 @@ class _Trip:
         """Where the robot has got to since the last picture the map knows what to do next."""
         if not self.under_way or self._deaf():
             return
-        command = self.pilot.decide(now_s)
+        command = self._careful(self.pilot.decide(now_s))
         self._obey(command)
         self._end_where_over(command)
+
+    def _careful(self, command: Command) -> Command:
+        """The same way, but creeping, where pictures are not what they were."""
+        caution, creep_mm_s = self.pictures.caution, 10 * self.config.creep_cm_s
+        if caution is None or command.v_mm_s <= creep_mm_s:
+            return command
+        slower = creep_mm_s / command.v_mm_s  # on the same curve
+        return replace(
+            command,
+            v_mm_s=creep_mm_s,
+            omega_rad_s=slower * command.omega_rad_s,
+            reason=f"{command.reason}; creeping: {caution}",
+        )
 
     def _obey(self, command: Command) -> None:
         self.under_way = command.outcome is None and not command.hands_off
@@ -360,6 +375,7 @@ class _Trip:
     def _note(self, view: View) -> None:
         log, command = self.log, view.command
         log.distance_cm += self.pilot.path_step_cm(log.last_pose, view.pose)
+        log.spent(view.stage_ms)
         log.limited_frames += bool(view.snapshot.limits)
         log.be_at(view.pose, view.dead_reckoning)
         log.duration_s = self.clock.now_s() - self.begin_s

@@ -79,7 +79,7 @@ class DriveLog:
     path: list[Pose] = field(default_factory=list)  # of the camera, in steps
     decisions: list[Decision] = field(default_factory=list)  # one for each change of what is said
     decisions_left_out: int = 0
-    frame_ms: Histogram = field(default_factory=Histogram)  # to understand a picture
+    frame_ms: Histogram = field(default_factory=Histogram)  # from having a picture to its command
     stage_ms: dict[str, Histogram] = field(default_factory=dict)
     latency_ms: Histogram = field(default_factory=Histogram)  # exposure to command, on the camera's clock
     _stands: bool = True

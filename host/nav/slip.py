@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -24,7 +25,7 @@ from host.pose import Pose
 from host.rbdn import Contour, Region
 
 LEAST_POINTS = 6
-LEAST_PX = 3.0  # expected way from which slipping can be told
+LEAST_PX = 8.0  # expected way from which slipping can be told: depths may be wrong, and a pixel is nothing
 SIGMAS = 6.0  # and it must be this much longer than what the heading by the wheels may be off by
 SLIPS_BELOW = 0.5  # share of the expected way, of points that are known by name
 SHARE_SIGMA = 0.12  # how well it must be known
@@ -37,11 +38,12 @@ SURE = 0.15  # relative standard error of a depth to go by
 STRANGE_PICTURES = 2  # one after the other, or a single one
 AT_ONCE_PX = 20.0  # by this much
 ASTRAY_PX = 25.0  # or that many since a while ago
+AGREE_SHARE = 0.75  # of the points went astray in one way; where a region changed its shape they scatter
 STRANGE_PX = 10.0  # ways that differ by more than this from what is expected,
 RECENT = 4  # and by more than any way expected in so many pictures, are no error of the wheels or of times
 SAME_SHARE = 0.7  # of the picture shows the same regions as the last one; less is another place
 SAME_LEVELS = 20.0  # a region's colour changes by less, 0 to 255
-SMALL = (32, 24)  # parts of the picture that are compared as a whole
+SMALL = (32, 20)  # parts of the picture that are compared as a whole
 MEAN_LEVEL = 100.0
 OTHER_LEVELS = 10.0  # change of a part in brightness that shows something else
 OTHER_SHARE = 0.25  # of all parts
@@ -50,6 +52,8 @@ STILL_PX, STILL_CM = 2.0, 0.5  # motion by the wheels from picture to picture th
 TURN_COSTS = 2.0  # times the part of the picture that a turn brings in may be new
 TURN_ONLY_CM = 2.0  # less travel moves even what is not known, and so may be near, by less than STRANGE_PX
 WINDOW_S = 1.5  # a picture further back is no moment ago
+EVERY_S = 0.1  # pictures that come faster are not all looked at
+HALF_FRAME_S = 0.01
 
 
 @dataclass(frozen=True)
@@ -57,7 +61,7 @@ class _Points:
     """Points of one picture, and where the wheels said it was taken."""
 
     pose: Pose
-    ids: np.ndarray  # (N,) int64, of corners from 0 up, of regions' ends below
+    ids: np.ndarray  # (N,) int64, of corners from 0 up, of regions' ends below; in order
     rays: np.ndarray  # (N, 2) x/z, y/z
     xyz_cm: np.ndarray  # (N, 3) in the camera; nan where not known
 
@@ -81,19 +85,23 @@ class _Points:
             z_cm.append(np.full(4, depth.silhouette_cm or depth.depth_cm))
         rays = lens.to_rays(np.concatenate(pixels))
         xyz_cm = np.column_stack([rays, np.ones(len(rays))]) * np.concatenate(z_cm)[:, None]
-        return _Points(view.dead_reckoning, np.concatenate(ids), rays, xyz_cm)
+        all_ids = np.concatenate(ids)
+        order = np.argsort(all_ids)
+        return _Points(view.dead_reckoning, all_ids[order], rays[order], xyz_cm[order])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Ways:
     """How points moved from one picture to another, in px at the middle of the picture."""
 
     expected: np.ndarray  # (N, 2) by the wheels
     found: np.ndarray  # (N, 2)
+    inside: np.ndarray  # (M,) bool: which of all points of the first picture can be seen in the other
+    rays: np.ndarray  # (M, 2) and where there
 
-    @property
+    @cached_property
     def expected_px(self) -> float:
-        return float(np.median(np.hypot(*self.expected.T)))
+        return _middle(np.hypot(*self.expected.T))
 
     def share(self, heading_px: float) -> tuple[float, float]:
         """Of the expected way that was gone, and its standard error.
@@ -112,9 +120,14 @@ class _Ways:
             weight = 1 / (1 + ((found - design @ solved) / (2 * POINT_PX)) ** 2)  # a few may go astray
         return float(solved[0]), math.sqrt(float(np.linalg.inv(normal)[0, 0]))
 
-    @property
+    @cached_property
     def strange_px(self) -> float:
-        return float(np.median(np.hypot(*(self.found - self.expected).T)))
+        """By how much the points went another way than expected, if it is one way for most of them."""
+        other = self.found - self.expected
+        one = np.sort(other, axis=0)[len(other) // 2]
+        way_px = float(np.hypot(*one))
+        agree = np.hypot(*(other - one).T) < max(way_px / 2, POINT_PX)
+        return way_px if np.count_nonzero(agree) >= AGREE_SHARE * len(agree) else 0.0
 
 
 class WheelWatch:
@@ -137,21 +150,24 @@ class WheelWatch:
 
     def doubt(self, view: View) -> str | None:
         """What speaks against the wheels, in one line; None where nothing does."""
-        now = _Points.of(view, self._lens)
+        last, begin = self._last, self._from
+        if last is not None and view.dead_reckoning.t_s - last.pose.t_s < EVERY_S - HALF_FRAME_S:
+            return None
+        now = self._last = _Points.of(view, self._lens)
         regions = {region.id: region for region in view.snapshot.regions}
-        last, self._last = self._last, now
         before, self._regions = self._regions, regions
-        begin = self._from
+        changed = self._changed(view.frame.image)
         if begin is None or last is None or now.pose.t_s - begin.pose.t_s > WINDOW_S:
             self._from = now
             return None
-        changed = self._changed(view.frame.image)
         found = self._other(changed, last.pose, now.pose)
         if changed > SOME_SHARE:  # else it is the net that sees the same differently
             found = found or self._elsewhere(before, regions, last.pose, now.pose)
-        found = found or self._strange(ways_between(last, now, self._lens), last, now)
-        found = found or self._astray(ways_between(begin, now, self._lens), begin, now)
-        return found or self._slips(begin, now, view.snapshot.contour)
+        short = ways_between(last, now, self._lens)
+        found = found or self._strange(short, last, now)
+        long = short if begin is last else ways_between(begin, now, self._lens)
+        found = found or self._astray(long, begin, now)
+        return found or self._slips(long, begin, now, view.snapshot.contour)
 
     def _elsewhere(
         self, before: dict[int, Region], regions: dict[int, Region], last: Pose, now: Pose
@@ -169,11 +185,19 @@ class WheelWatch:
         )
 
     def _changed(self, image: np.ndarray) -> float:
-        """Share of the picture that is not as bright as in the last one, whatever the exposure."""
-        small = cv2.cvtColor(cv2.resize(image, SMALL, interpolation=cv2.INTER_AREA), cv2.COLOR_BGR2GRAY)
-        levels = small * (MEAN_LEVEL / max(float(small.mean()), 1.0))
-        before, self._small = self._small, levels
-        return 0.0 if before is None else float((np.abs(levels - before) > OTHER_LEVELS).mean())
+        """Share of the picture in which something else is seen, whatever the exposure.
+
+        What only moves by less than a part is as bright as before, or as what was beside it.
+        """
+        levels = np.ascontiguousarray(image[::4, :, 1]).astype(np.float32)
+        small = cv2.resize(levels, SMALL, interpolation=cv2.INTER_AREA)
+        small *= MEAN_LEVEL / max(float(small.mean()), 1.0)
+        before, self._small = self._small, small
+        if before is None:
+            return 0.0
+        near = np.ones((3, 3), np.uint8)
+        off = cv2.max(small - cv2.dilate(before, near), cv2.erode(before, near) - small)
+        return np.count_nonzero(off > OTHER_LEVELS) / off.size
 
     def _other(self, changed: float, last: Pose, now: Pose) -> str | None:
         turned_px = abs(wrap(heading_of(now) - heading_of(last))) * self._lens.fx
@@ -205,24 +229,25 @@ class WheelWatch:
         self._from = now
         return f"picture moved {ways.strange_px:.0f} px otherwise than the wheels: slipping, pushed or lifted"
 
-    def _slips(self, begin: _Points, now: _Points, contour: Contour) -> str | None:
+    def _slips(self, ways: _Ways, begin: _Points, now: _Points, contour: Contour) -> str | None:
         """Are points, or at least the edges, where they were and not where the wheels would have them?"""
-        ways = ways_between(begin, now, self._lens)
         heading_px = self._heading_px(begin, now)
         if len(ways.found) >= LEAST_POINTS:
+            if ways.expected_px < LEAST_PX:
+                return None
             share, sigma = ways.share(heading_px)
-            if sigma > SHARE_SIGMA or ways.expected_px < LEAST_PX:
+            if sigma > SHARE_SIGMA:
                 return None
             self._from = now
             if share + 3 * sigma > SLIPS_BELOW:
                 return None
             return f"wheels slip: of the way they count the picture shows {100 * max(0.0, share):.0f} %"
-        inside, rays = aims_of(begin, now.pose, self._lens)
+        inside, rays = ways.inside, ways.rays
         if inside.sum() < LEAST_POINTS:
             self._from = now
             return None
         scale = (self._lens.fx, self._lens.fy)
-        expected_px = float(np.median(np.hypot(*((rays - begin.rays)[inside] * scale).T)))
+        expected_px = _middle(np.hypot(*((rays - begin.rays)[inside] * scale).T))
         if expected_px < max(LEAST_PX, SIGMAS * heading_px):
             return None
         self._from = now
@@ -255,9 +280,16 @@ def aims_of(a: _Points, pose: Pose, lens: Lens) -> tuple[np.ndarray, np.ndarray]
 def ways_between(a: _Points, b: _Points, lens: Lens) -> _Ways:
     """How the points known in both pictures moved, and how they had to by the wheels."""
     inside, rays = aims_of(a, b.pose, lens)
-    _, at_a, at_b = np.intersect1d(a.ids[inside], b.ids, assume_unique=True, return_indices=True)
-    begin, scale = a.rays[inside][at_a], (lens.fx, lens.fy)
-    return _Ways((rays[inside][at_a] - begin) * scale, (b.rays[at_b] - begin) * scale)
+    at_b = np.minimum(np.searchsorted(b.ids, a.ids), len(b.ids) - 1)
+    if len(at_b) == 0 or len(b.ids) == 0:
+        return _Ways(np.zeros((0, 2)), np.zeros((0, 2)), inside, rays)
+    at_a = np.flatnonzero(inside & (b.ids[at_b] == a.ids))
+    begin, scale = a.rays[at_a], (lens.fx, lens.fy)
+    return _Ways((rays[at_a] - begin) * scale, (b.rays[at_b[at_a]] - begin) * scale, inside, rays)
+
+
+def _middle(values: np.ndarray) -> float:
+    return float(np.sort(values)[len(values) // 2])
 
 
 def distances_px(pixels: np.ndarray, contour: Contour, lens: Lens) -> np.ndarray:
