@@ -23,7 +23,7 @@ import math
 import re
 import signal
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from rich.console import Console
@@ -33,6 +33,7 @@ from rich.text import Text
 
 from host.camera.frame import Frame
 from host.config import Config, read_command_line
+from host.nav.config import MOST_CELLS, NavConfig
 from host.nav.drive import drive
 from host.nav.gallery import Gallery
 from host.nav.pilot import Pilot, View
@@ -42,6 +43,7 @@ from host.nav.task import Approach, Explore, MeasureOnly, Route, Task
 from host.record.atomic import check_writable
 
 RUNS = Path("runs")
+APPROACH_HALF_CM = 1000.0  # an approach goes straight on; this far it finds its map
 LONGEST_WALL_S = 52.0  # of a simulated drive that is not asked to last longer
 
 
@@ -98,6 +100,12 @@ def choose_task(
     return Route(route), "driving to " + " then ".join(f"{x:.0f},{z:.0f} cm" for x, z in route), route[-1]
 
 
+def with_long_map(nav: NavConfig) -> NavConfig:
+    """With a map that an approach straight on does not soon come to the edge of."""
+    half = min(max(nav.map_half_cm, APPROACH_HALF_CM), MOST_CELLS * nav.cell_cm)
+    return replace(nav, map_half_cm=max(half, nav.map_half_cm))
+
+
 def main() -> int:
     """The command: exit code 0 also for blocked and timeout, which are ends a drive may have."""
     options, config = read_command_line(Options, _joined_goals(sys.argv[1:]))
@@ -115,7 +123,8 @@ def main() -> int:
 
     with open_rig(options.camera, options.robot, options.lens) as rig:
         task, words, goal_cm = choose_task(options, route, rig.goal_cm)
-        pilot = Pilot(rig.lens, task, net=config.net, depth=config.depth, body=config.body, nav=config.nav)
+        nav = config.nav if options.approach is None else with_long_map(config.nav)
+        pilot = Pilot(rig.lens, task, net=config.net, depth=config.depth, body=config.body, nav=nav)
         gallery = Gallery()
         print(f"{words} for at most {options.max_time:g} s; Ctrl-C stops", file=sys.stderr)
         with Ticker(options.view) as ticker:

@@ -23,6 +23,7 @@ class BodyConfig:
         _check_positive(self, zero_allowed={"camera_ahead_cm", "size_sigma", "ratio_sigma", "track_sigma"})
 
 
+MOST_CELLS = 400  # from the middle of the map to its edge
 # Beyond these the robot would drive on what it no longer knows, or faster than its link can say.
 MOST = {
     "frame_stale_s": 0.3,
@@ -63,9 +64,9 @@ class NavConfig:
                 raise ValueError(f"{key} = {getattr(self, key)} is over {most:g}")
         if self.creep_cm_s > self.speed_cm_s:
             raise ValueError(f"creep_cm_s = {self.creep_cm_s} is over speed_cm_s = {self.speed_cm_s}")
-        if self.map_half_cm / self.cell_cm > 400:
+        if self.map_half_cm / self.cell_cm > MOST_CELLS:
             raise ValueError(
-                f"map_half_cm = {self.map_half_cm} is over 400 cells of cell_cm = {self.cell_cm}"
+                f"map_half_cm = {self.map_half_cm} is over {MOST_CELLS} cells of cell_cm = {self.cell_cm}"
             )
 
 

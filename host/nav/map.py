@@ -18,6 +18,7 @@ from host.depth.report import DepthReport
 from host.nav import _nav
 from host.nav.config import BodyConfig, NavConfig
 from host.nav.floor import FloorFinder
+from host.nav.front import Sight
 from host.nav.odometry import heading_of
 from host.nav.picture import NO_REGION, STEP_PX, Picture, rays_of
 from host.nav.stand import AT_BORDER, SURE, Feet, Standing, stand_of, usable_depth
@@ -82,6 +83,7 @@ class ObstacleMap:
         self.centres_cm = (np.arange(side) + 0.5) * config.cell_cm - self._half
         self._last: tuple[float, float, float, float] | None = None  # time, x, z, heading
         self.floor = FloorFinder(body.camera_height_cm)
+        self.sight: Sight | None = None  # of the newest frame
 
     # ---- asking ----
 
@@ -189,6 +191,9 @@ class ObstacleMap:
             self.obstacles[region.id] = _obstacle(found, feet, pose.t_s, moving, velocity)
         for region_id in movers:  # it is no longer where it was
             self.evidence[(self.region == region_id) & (self.evidence > 0.0)] = 0.0
+        resting = tuple(one for one in standing if one.region not in movers)
+        camera = float(pose.position_cm[0]), float(pose.position_cm[2])
+        self.sight = Sight(feet, resting, camera, heading_of(pose), pose.t_s)
         self._paint(pose, lens, feet, standing, movers)
 
     def _learn_front(self, standing: Standing, report: DepthReport) -> None:

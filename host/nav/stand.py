@@ -50,6 +50,7 @@ class Standing:
     sigma_cm: float  # of the mean
     how: str  # the depth's method, "foot", or AT_BORDER
     weight: float  # log-odds
+    round_cm: float = 0.0  # radius of what is round and hangs over, such as a ball
 
     def by_column(self, width: int) -> np.ndarray:
         """(width,) depth in each column, nan where it is not."""
@@ -76,7 +77,8 @@ class Feet:
     ----------
     region : (W / 2,) its id, NO_REGION where only floor is seen
     slope, depth_cm : (W / 2,) Y/Z of its foot, and how far that is
-    free_cm : (W / 2,) depth up to which floor is seen
+    sure : (W / 2,) bool, all that lies before the foot is surely floor
+    floor_cm, free_cm : (W / 2,) depth up to which floor is seen, and up to which at the least
     cut : (W / 2,) bool, no floor is seen at all: the foot is at or below the image's lower border
     nearest_cm : where the view of the floor begins
     """
@@ -94,9 +96,10 @@ class Feet:
         slope = 0.5 * (rays.down[column, row] + rays.down[column, np.maximum(row - 1, 0)])
         self.depth_cm = np.minimum(height_cm / np.maximum(slope, 1e-6), FARTHEST_CM)
         self.slope = height_cm / self.depth_cm
+        self.sure = sure_row == row
         slope = np.maximum(rays.down[column, np.maximum(sure_row - 1, 0)], 1e-6)
-        self.free_cm = np.minimum(height_cm / slope, FARTHEST_CM)
-        self.free_cm -= 2 * self.free_cm**2 / height_cm * SIGMA_RAY
+        self.floor_cm = np.minimum(height_cm / slope, FARTHEST_CM)
+        self.free_cm = self.floor_cm - 2 * self.floor_cm**2 / height_cm * SIGMA_RAY
         self.nearest_cm = height_cm / rays.steepest
         heading = heading_of(pose)
         self._ahead = math.sin(heading), math.cos(heading)
@@ -202,11 +205,13 @@ def _on_its_feet(
             slopes = line[0] + line[1] * columns
         depth = feet.height_cm / np.maximum(slopes, feet.height_cm / FARTHEST_CM)
         return Standing(region, columns, depth, z, sigma_cm, how, weight)
-    bulge = 0.0
+    bulge = round_cm = 0.0
     if _quantile(ordered, 0.1) < HANGING * nearest:
         touching = float((slopes > nearest / TOUCHING).sum()) / len(covered)
-        bulge = 0.5 * (1 - touching) * feet.width_cm(covered, z)
-    return Standing(region, covered, np.full(len(covered), z - bulge), z, sigma_cm, how, weight)
+        round_cm = 0.5 * feet.width_cm(covered, z)
+        bulge = (1 - touching) * round_cm
+    front = np.full(len(covered), z - bulge)
+    return Standing(region, covered, front, z, sigma_cm, how, weight, round_cm)
 
 
 def _agreed(

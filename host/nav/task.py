@@ -12,12 +12,14 @@ from typing import Protocol
 import cv2
 import numpy as np
 
+from host.nav.front import Met, Profile
 from host.nav.map import Obstacle, ObstacleMap
 from host.nav.plan import room_around, tightest
 from host.nav.stand import AT_BORDER
 from host.nav.steer import (
     FIRST_CM,
     FIRST_ROOM_CM,
+    Ahead,
     Command,
     Plan,
     Wait,
@@ -40,6 +42,8 @@ DONE_WITH_CM = 25.0  # around a place that was reached, or cannot be
 HOLD_GAIN = 2.0  # turn rate per heading error while approaching, 1/s
 HOLD_RAD_S = 0.3
 ARRIVED_CM = 0.4
+SLOWEST_CM_S = 1.5  # creeping up to where it is to stop
+BELOW_CM = 24.0  # what is nearer to the rim has its foot below the picture, and is only remembered
 COARSE_CELLS = 2.0  # by so much a thing's filled cells may lie before where it was last seen to stand
 STEP_BACK_CM = 32.0  # from there the camera sees what was below its picture
 LOOK_S = 1.0  # and so long it looks
@@ -181,6 +185,8 @@ class Approach:
     def __init__(self, stop_cm: float) -> None:
         self._stop_cm = stop_cm
         self._heading: float | None = None
+        self._profile: Profile | None = None
+        self._sight_s = -math.inf  # of the newest that the profile knows
         self._start: tuple[float, float] | None = None
         self._stands_s: float | None = None  # since when
         self._wait: Wait | None = None
@@ -194,21 +200,22 @@ class Approach:
         self._heading = heading if self._heading is None else self._heading
         self._start = self._start or (x, z)
         omega = max(-HOLD_RAD_S, min(HOLD_RAD_S, HOLD_GAIN * wrap(self._heading - heading)))
+        profile = self._seen(obstacle_map, (x, z))
         yielding, self._wait = give_way(self._wait, obstacle_map, camera)
         if yielding is not None:
             return yielding
         if (back := self._step_back(obstacle_map, camera.t_s, (x, z), heading)) is not None:
             return back
-        ahead = look_ahead(obstacle_map, x, z, heading)
-        thing, gap = front_ahead(obstacle_map, (x, z), self._heading)
-        if thing is not None and gap - ahead.room_cm < COARSE_CELLS * config.cell_cm + thing.sigma_cm:
-            ahead = replace(ahead, room_cm=gap, obstacle=thing, edge=False, sigma_cm=thing.sigma_cm)
-            if gap - self._stop_cm < ARRIVED_CM:
-                return Command(0.0, 0.0, f"{gap:.1f} cm before {thing}", "approached")
-        elif math.dist(self._start, (x, z)) < FIRST_CM and ahead.room_cm > max(FIRST_ROOM_CM, self._stop_cm):
+        ahead, met = self._ahead(obstacle_map, profile, (x, z), heading)
+        if met and ahead.room_cm - self._stop_cm < ARRIVED_CM:
+            return Command(0.0, 0.0, f"{ahead.room_cm:.1f} cm before {ahead}", "approached")
+        first = not met and math.dist(self._start, (x, z)) < FIRST_CM
+        if first and ahead.room_cm > max(FIRST_ROOM_CM, self._stop_cm):
             reason = "creep: first steps to give depth its baseline"
             return Command(10 * config.creep_cm_s, omega, reason)
         v, reason = speed_ahead(ahead, obstacle_map, config.clearance_cm if ahead.edge else self._stop_cm)
+        if met and v == 0.0:
+            v, reason = SLOWEST_CM_S, f"creep: {ahead}, {ahead.room_cm:.1f} cm from the rim"
         too_near = ahead.obstacle is not None and ahead.obstacle.how == AT_BORDER
         if v > 0.0 and not too_near:
             self._stands_s = None
@@ -218,12 +225,50 @@ class Approach:
             return Command(0.0, 0.0, f"stop: {ahead}")
         if ahead.edge:
             return Command(0.0, 0.0, "at the edge of the map; set nav.map_half_cm", "blocked")
-        if too_near:
-            return Command(0.0, 0.0, f"{ahead} or nearer: its foot is below the picture", "blocked")
         if not self._looked_again:  # cells say so, and no thing that is known to stand there
             self._back_from = (x, z)
             return Command(0.0, 0.0, f"stop: {ahead.room_cm:.0f} cm before {ahead}, in doubt")
+        if too_near:
+            return Command(0.0, 0.0, f"{ahead} or nearer: its foot is below the picture", "blocked")
         return Command(0.0, 0.0, f"{ahead.room_cm:.0f} cm before {ahead}", "approached")
+
+    def _seen(self, obstacle_map: ObstacleMap, here: tuple[float, float]) -> Profile:
+        """What the newest frame adds to what is known of the way ahead."""
+        assert self._heading is not None
+        if self._profile is None:
+            self._profile = Profile(*here, self._heading)
+        sight = obstacle_map.sight
+        if sight is not None and sight.t_s > self._sight_s:
+            self._profile.see(sight)
+            self._sight_s = sight.t_s
+        return self._profile
+
+    def _ahead(
+        self, obstacle_map: ObstacleMap, profile: Profile, here: tuple[float, float], heading: float
+    ) -> tuple[Ahead, bool]:
+        """What is ahead, and whether its front was seen: then that counts and not the cells it filled.
+
+        Cells are coarse, and some are filled by what was seen badly from afar. Where floor was seen from near
+        they say nothing, unless of what moves or has appeared below the picture.
+        """
+        radius, cell = obstacle_map.body.radius_cm, obstacle_map.config.cell_cm
+        ahead = look_ahead(obstacle_map, *here, heading)
+        met = profile.met(*here, radius)
+        clear = profile.clear_cm(*here, radius)
+        if clear > ahead.unseen_cm:
+            ahead = replace(ahead, unseen_cm=clear)
+        thing = ahead.obstacle
+        fleeting = thing is not None and (thing.how == AT_BORDER or thing.moving)
+        if met is not None:
+            near = met.room_cm - ahead.room_cm < COARSE_CELLS * cell + met.sigma_cm
+            passed = not fleeting and ahead.room_cm + cell < clear
+            below = met.room_cm < BELOW_CM
+            if near or passed or below:
+                thing, sigma = _met(obstacle_map, met), met.sigma_cm
+                return replace(ahead, room_cm=met.room_cm, obstacle=thing, edge=False, sigma_cm=sigma), True
+        elif not ahead.edge and not fleeting and ahead.room_cm + cell < clear:
+            return replace(ahead, room_cm=clear, obstacle=None), False
+        return ahead, False
 
     def _step_back(
         self, obstacle_map: ObstacleMap, t_s: float, here: tuple[float, float], heading: float
@@ -242,6 +287,15 @@ class Approach:
             return Command(0.0, 0.0, "stop: looking again at what is remembered ahead")
         self._back_from, self._looked_again, self._stands_s = None, True, None
         return None
+
+
+def _met(obstacle_map: ObstacleMap, met: Met) -> Obstacle:
+    """As an obstacle, for those who ask why."""
+    known = obstacle_map.obstacles.get(met.region)
+    how = "foot" if met.by_foot or known is None else known.how
+    depth = met.along_cm - obstacle_map.body.camera_ahead_cm
+    nowhere, t_s = (math.nan, math.nan), math.nan if known is None else known.t_s
+    return Obstacle(met.region, depth, met.sigma_cm, how, nowhere, nowhere, t_s)
 
 
 def front_ahead(
