@@ -14,23 +14,30 @@ from dataclasses import dataclass
 import numpy as np
 
 from host.camera.lens import Lens
-from host.depth.report import DepthReport
+from host.depth.report import DepthReport, SolvedMotion
 from host.nav.config import BodyConfig
 from host.nav.landmarks import CLEARLY, UNLIKE, Key, Look, Sighting, recognise, sightings_of
 from host.nav.odometry import heading_of
 from host.pose import Pose
 from host.rbdn.snapshot import Snapshot
 
-X, Z, HEADING, RATIO, TRACK = range(5)  # the robot's part of the state; landmarks follow, x and z each
-OWN = 5
+# the robot's part of the state, BEFORE being its heading a moment ago; landmarks follow, x and z each
+X, Z, HEADING, RATIO, TRACK, BEFORE = range(6)
+OWN = 6
 
 RATIO_SIGMA = 0.015  # by which one wheel may be larger than the other, unless calibrated
 TRACK_SIGMA = 0.03  # by which the wheels may be further apart, as seen by turning
 WAY_NOISE = 0.01  # cm per root cm: what wheels on a floor do beyond their sizes
 TURN_NOISE = 3e-4  # rad per root cm
 TURN_SHARE = 0.005  # of a turn, from frame to frame
-WEAR = 2e-5  # per root cm: what a wheel's size, or the track, drifts by
+WEAR = 1e-5  # per root cm: what a wheel's size, or the track, drifts by
 TIME_SIGMA_S = 0.012  # of a frame against the wheels' readings: shifts what is seen while turning
+
+SEEN_TURN_S = 0.1  # turns that the net saw are taken in over at least this long,
+SEEN_TURN_SIGMA = 0.0015  # where they were solved at least so well, rad
+SEEN_TURN_RAD = 0.003  # by which they are off,
+SEEN_TURN_SHARE = 0.06  # and of a turn: rows are exposed one after another
+SEEN_TURN_GATE = 9.0  # chi2 beyond which they say nothing
 
 STEP_CM, STEP_RAD = 1.5, 0.02  # corrections are made each time the robot has moved so far
 GATE = 13.8  # chi2 of two measures beyond which a sighting corrects nothing
@@ -54,7 +61,9 @@ KEPT_CM = 8.0  # and of the other landmarks
 ENOUGH = 3  # where they lie nearly where they did, as after a slip: a thing counts 2, an edge 1
 ENOUGH_ELSEWHERE = 6  # anywhere else
 TRY_AGAIN = 20  # frames later, when nothing new is seen
-SLIPPED_CM, SLIPPED_RAD = 40.0, 0.4  # by so much a robot that slips or is pushed may be off
+ENOUGH_PUSHED = 5  # further off than a slip, nearer than elsewhere
+SLIPPED_CM, SLIPPED_RAD = 8.0, 0.12  # by so much a robot that slips may be off
+PUSHED_CM, PUSHED_RAD = 40.0, 0.4  # or one that is pushed
 
 
 @dataclass
@@ -100,6 +109,8 @@ class Localiser:
         self._ahead = body.camera_ahead_cm
         self._mean = np.zeros(OWN)
         self._mean[Z] = -self._ahead
+        self._before_s = -math.inf  # when BEFORE was, and the heading then in the frame that never jumps
+        self._before_smooth = 0.0
         self._cov = np.zeros((OWN, OWN))
         self._cov[RATIO, RATIO], self._cov[TRACK, TRACK] = RATIO_SIGMA**2, TRACK_SIGMA**2
         self.landmarks: list[Landmark] = []
@@ -149,7 +160,7 @@ class Localiser:
         before, self._odometry = self._odometry, odometry
         if before is None:
             self._smooth = odometry
-            self._mean[:OWN] = *_axle(odometry, self._ahead), 0.0, 0.0
+            self._mean[:OWN] = *_axle(odometry, self._ahead), 0.0, 0.0, 0.0
             return odometry
         way, turn = _roll(before, odometry, self._ahead)
         dt = max(odometry.t_s - before.t_s, 1e-3)
@@ -198,8 +209,8 @@ class Localiser:
             [0.0, by_ratio_turn, by_track_turn],
         ])  # fmt: skip
         p = self._cov
-        p[:RATIO] += f @ p[HEADING:OWN]
-        p[:, :RATIO] += p[:, HEADING:OWN] @ f.T
+        p[:RATIO] += f @ p[HEADING:BEFORE]
+        p[:, :RATIO] += p[:, HEADING:BEFORE] @ f.T
         length = abs(way)
         p[X, X] += WAY_NOISE**2 * length
         p[Z, Z] += WAY_NOISE**2 * length
@@ -215,6 +226,7 @@ class Localiser:
         known = {r for r, d in report.regions.items() if d.moving}
         if known:
             self._refuse(known)
+        self._turn_as_seen(report.motion)
         if self._since_cm < STEP_CM and self._since_rad < STEP_RAD:
             return self.pose()
         self._since_cm = self._since_rad = 0.0
@@ -236,6 +248,27 @@ class Localiser:
         self.jump_cm = math.hypot(now_x - x, now_z - z) + 100 * abs(now_heading - heading)
         return self.pose()
 
+    def _turn_as_seen(self, motion: SolvedMotion | None) -> None:
+        """The net saw how far the camera turned since a moment ago: that tells what the wheels are like."""
+        m, p, now_s = self._mean, self._cov, self._odometry.t_s if self._odometry else 0.0
+        if now_s - self._before_s < SEEN_TURN_S:
+            return
+        heading = heading_of(self._smooth)
+        seen = [c for c in motion.since if c.since_s == self._before_s] if motion is not None else []
+        if seen and seen[0].sigma_yaw_rad < SEEN_TURN_SIGMA:
+            turned = (heading - self._before_smooth + math.pi) % WRAP - math.pi
+            news = turned + seen[0].yaw_rad - (m[HEADING] - m[BEFORE])
+            noise = (SEEN_TURN_RAD**2 + seen[0].sigma_yaw_rad ** 2) + (SEEN_TURN_SHARE * turned) ** 2
+            ph = p[:, HEADING] - p[:, BEFORE]
+            total = ph[HEADING] - ph[BEFORE] + noise
+            if news * news < SEEN_TURN_GATE * total:
+                self._mean = m = m + ph * (news / total)
+                p -= np.outer(ph, ph / total)
+        m[BEFORE] = m[HEADING]
+        p[BEFORE] = p[HEADING]
+        p[:, BEFORE] = p[:, HEADING]
+        self._before_s, self._before_smooth = now_s, heading
+
     def lose_place(self) -> None:
         """The robot is elsewhere than the wheels say: what was known becomes a place to be found again."""
         places = [self.landmark_cm(row) for row in range(len(self.landmarks))]
@@ -248,9 +281,10 @@ class Localiser:
         self.landmarks = []
         self._candidates, self._refused = {}, set()
         self._mean = self._mean[:OWN].copy()
-        learnt = self._cov[RATIO:OWN, RATIO:OWN]
+        learnt = self._cov[RATIO:BEFORE, RATIO:BEFORE]
         self._cov = np.zeros((OWN, OWN))
-        self._cov[RATIO:, RATIO:] = learnt
+        self._cov[RATIO:BEFORE, RATIO:BEFORE] = learnt
+        self._before_s = -math.inf
 
     def _find_again(self) -> None:
         """Landmarks seen now that are known from before, and lie to each other as they did, tell where.
@@ -266,15 +300,17 @@ class Localiser:
             return
         self._tried, self._idle = sure, 0
         near = np.array([
-            [math.dist(self.landmark_cm(row), place) < self._slipped_cm(place) for _, place in self._before]
+            [math.dist(self.landmark_cm(row), place) < self._pushed_cm(place) for _, place in self._before]
             for row in rows
         ], dtype=bool).reshape(len(rows), len(self._before))  # fmt: skip
         pairs, now, then, fits, worth = self._compare_places(rows, self._before, near)
-        if worth < ENOUGH or not self._is_slip(now[fits], then[fits]):
+        wanted = self._enough(now[fits], then[fits])
+        if worth < wanted:
             pairs, now, then, fits, worth = self._compare_places(rows, self._before, np.ones_like(near))
             if worth < ENOUGH_ELSEWHERE or fits.sum() < 3 or 3 * fits.sum() < 2 * len(fits):
                 return
-        self._change_frame(now[fits], then[fits])
+        if not worth >= wanted == ENOUGH:  # else what was known corrects the place as it is seen again
+            self._change_frame(now[fits], then[fits])
         gone = {k for _, k in pairs}
         for k, (mark, place) in enumerate(self._before):
             if k not in gone and len(self.landmarks) < LANDMARKS:
@@ -283,17 +319,21 @@ class Localiser:
                 self.landmarks.append(mark)
         self._before = []
 
-    def _slipped_cm(self, place_cm: np.ndarray) -> float:
-        """So far from where it was may something seem to be after a slip."""
-        return SLIPPED_CM + SLIPPED_RAD * math.dist(place_cm, self._mean[:HEADING])
+    def _pushed_cm(self, place_cm: np.ndarray) -> float:
+        """So far from where it was may something seem to be after a slip or a push."""
+        return PUSHED_CM + PUSHED_RAD * math.dist(place_cm, self._mean[:HEADING])
 
-    def _is_slip(self, now: np.ndarray, then: np.ndarray) -> bool:
-        """Whether what moves places to others moves the robot by no more than a slip might."""
+    def _enough(self, now: np.ndarray, then: np.ndarray) -> float:
+        """How much must speak for places being others: the more, the further that moves the robot."""
+        if len(now) == 0:
+            return math.inf
         turn, middle, target = _turn_between(now, then)
         c, s = math.cos(turn), math.sin(turn)
         own = self._mean[:HEADING]
-        moved = target + np.array([[c, s], [-s, c]]) @ (own - middle)
-        return abs(turn) < SLIPPED_RAD and math.dist(moved, own) < SLIPPED_CM
+        off_cm = math.dist(target + np.array([[c, s], [-s, c]]) @ (own - middle), own)
+        if abs(turn) < SLIPPED_RAD and off_cm < SLIPPED_CM:
+            return ENOUGH
+        return ENOUGH_PUSHED if abs(turn) < PUSHED_RAD and off_cm < PUSHED_CM else math.inf
 
     def _compare_places(self, rows: list[int], known: list[tuple[Landmark, np.ndarray]], may: np.ndarray):
         """Landmarks that look like known ones: (row, index) pairs, places now and then, which fit, worth.
@@ -325,7 +365,8 @@ class Localiser:
             dx, dz = m[at : at + 2] - target
             by_turn[at], by_turn[at + 1] = (1.0, 0.0, dz), (0.0, 1.0, -dx)
         m[HEADING] += turn
-        by_turn[HEADING, 2] = 1.0
+        m[BEFORE] += turn
+        by_turn[HEADING, 2] = by_turn[BEFORE, 2] = 1.0
         frame = np.diag([FOUND_CM**2, FOUND_CM**2, FOUND_RAD**2])
         self._cov = whole @ self._cov @ whole.T + by_turn @ frame @ by_turn.T
 
