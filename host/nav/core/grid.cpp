@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <span>
 
 namespace nav {
 
@@ -12,24 +13,37 @@ double pixel_of(double across, const View& view) {
     if (view.rays.empty()) return across * view.fx + view.cx;
     if (across <= view.rays.front()) return view.pixels.front();
     if (across >= view.rays.back()) return view.pixels.back();
-    const auto above = std::upper_bound(view.rays.begin(), view.rays.end(), across);
-    const std::size_t k = static_cast<std::size_t>(above - view.rays.begin()) - 1;
+    const std::size_t last = view.rays.size() - 1;
+    const double spacing = (view.rays.back() - view.rays.front()) / static_cast<double>(last);
+    std::size_t k = std::min(static_cast<std::size_t>((across - view.rays.front()) / spacing), last - 1);
+    while (k > 0 && view.rays[k] > across) --k;
+    while (k + 1 < last && view.rays[k + 1] <= across) ++k;
     const double rise = (view.pixels[k + 1] - view.pixels[k]) / (view.rays[k + 1] - view.rays[k]);
     return rise * (across - view.rays[k]) + view.pixels[k];
 }
 
 struct Place {
-    const Front* front;
-    double depth_cm;
+    const Front* front = nullptr;
+    double depth_cm = 0.0;
 };
 
-// The fronts in each column, in their order.
-std::vector<std::vector<Place>> by_column(const std::vector<Front>& fronts, std::size_t width) {
-    std::vector<std::vector<Place>> out(width);
+// The fronts in each column, in their order: those of column c from begin[c] up to begin[c + 1].
+struct Places {
+    std::vector<std::size_t> begin;
+    std::vector<Place> all;
+};
+
+Places by_column(const std::vector<Front>& fronts, std::size_t width) {
+    Places out;
+    out.begin.assign(width + 1, 0);
+    for (const Front& front : fronts)
+        for (const std::int64_t c : front.columns) ++out.begin[static_cast<std::size_t>(c) + 1];
+    for (std::size_t c = 0; c < width; ++c) out.begin[c + 1] += out.begin[c];
+    out.all.resize(out.begin[width]);
+    std::vector<std::size_t> next(out.begin);
     for (const Front& front : fronts)
         for (std::size_t k = 0; k < front.columns.size(); ++k)
-            if (std::isfinite(front.depth_cm[k]))
-                out[static_cast<std::size_t>(front.columns[k])].push_back({&front, front.depth_cm[k]});
+            out.all[next[static_cast<std::size_t>(front.columns[k])]++] = {&front, front.depth_cm[k]};
     return out;
 }
 
@@ -40,7 +54,7 @@ struct Cell {
 };
 
 // free_to_cm: floor is seen in its column up to here
-void judge(Cell cell, double depth_cm, double free_to_cm, const Floor& floor, const std::vector<Place>& places,
+void judge(Cell cell, double depth_cm, double free_to_cm, const Floor& floor, std::span<const Place> places,
            const Rules& rules) {
     float before = cell.evidence;
     float change = depth_cm < free_to_cm && depth_cm > floor.nearest_cm ? rules.seen_empty : 0.0f;
@@ -65,10 +79,13 @@ void judge(Cell cell, double depth_cm, double free_to_cm, const Floor& floor, co
 
 void paint(const Grid& grid, const View& view, const Floor& floor, const std::vector<Front>& fronts, const Rules& rules) {
     const std::size_t width = floor.free_cm.size();
-    const std::vector<std::vector<Place>> places = by_column(fronts, width);
+    const Places places = by_column(fronts, width);
+    const auto in_column = [&places](std::size_t c) {
+        return std::span(places.all).subspan(places.begin[c], places.begin[c + 1] - places.begin[c]);
+    };
     std::vector<double> free_to = floor.free_cm;
     for (std::size_t c = 0; c < width; ++c) {
-        for (const Place& place : places[c])
+        for (const Place& place : in_column(c))
             free_to[c] = std::min(free_to[c], place.depth_cm - 2 * place.front->sigma_cm);
         free_to[c] -= rules.cell_cm / 2;
     }
@@ -88,7 +105,7 @@ void paint(const Grid& grid, const View& view, const Floor& floor, const std::ve
                 grid.evidence[at] = std::min(grid.evidence[at], 0.0f);
                 grid.brief[at] = false;
             }
-            judge({grid.evidence[at], grid.region[at], grid.brief[at]}, depth, free_to[c], floor, places[c], rules);
+            judge({grid.evidence[at], grid.region[at], grid.brief[at]}, depth, free_to[c], floor, in_column(c), rules);
         }
     }
 }

@@ -23,7 +23,7 @@ struct View {
     double range_cm;
     std::size_t row0, row1, col0, col1;     // of the map, that hold all in view; ends included
     double fx, cx;                          // of a lens without distortion
-    std::vector<double> rays, pixels;       // else X/Z of level rays, ascending, and the image x of each
+    std::vector<double> rays, pixels;       // else X/Z of level rays, evenly spaced, and the image x of each
     double step_px;                         // from column to column
 };
 
