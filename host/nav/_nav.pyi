@@ -59,6 +59,28 @@ def first_other(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]: ...
 def colour_steps(colours: np.ndarray, window: int, light: float) -> np.ndarray: ...
 def agreed(foot: np.ndarray, found: np.ndarray, search: int, agree_px: float) -> np.ndarray: ...
+def meet(
+    evidence: np.ndarray,
+    centres_cm: np.ndarray,
+    window: tuple[int, int, int, int],
+    x_cm: float,
+    z_cm: float,
+    heading: float,
+    radius_cm: float,
+    wide_cm: float,
+    filled: float,
+    free: float,
+    half_cell_cm: float,
+    reach_cm: float,
+) -> tuple[float, float, int, int]: ...
+def least_along(
+    distances: np.ndarray,
+    half_cm: float,
+    cell_cm: float,
+    start: tuple[float, float],
+    end: tuple[float, float],
+    from_cm: float,
+) -> float: ...
 def search(
     shut: np.ndarray, cost: np.ndarray, ahead: np.ndarray, there: np.ndarray, row: int, col: int
 ) -> np.ndarray: ...

@@ -201,7 +201,7 @@ class ObstacleMap:
         measured = usable_depth(report, standing.region)
         if measured is None or standing.weight != SURE:
             return
-        front = max(0.0, measured[0] - float(np.median(standing.depth_cm)))
+        front = max(0.0, measured[0] - _median(standing.depth_cm))
         before = self._front_cm.get(standing.region, front)
         self._front_cm[standing.region] = before + FRONT_GAIN * (front - before)
 
@@ -287,6 +287,11 @@ def _level_line(lens: Lens) -> tuple[np.ndarray, np.ndarray]:
         return np.empty(0), np.empty(0)
     rays = np.linspace(-1.2, 1.2, 4 * lens.width) * lens.width / lens.fx
     return rays, lens.to_pixels(np.column_stack([rays, np.zeros(len(rays))]))[:, 0]
+
+
+def _median(values: np.ndarray) -> float:
+    ordered = np.sort(values)
+    return (float(ordered[(len(ordered) - 1) // 2]) + float(ordered[len(ordered) // 2])) / 2
 
 
 def _obstacle(

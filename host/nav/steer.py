@@ -14,8 +14,9 @@ from typing import TypeVar
 
 import numpy as np
 
+from host.nav import _nav
 from host.nav.config import NavConfig
-from host.nav.map import FREE, Obstacle, ObstacleMap
+from host.nav.map import FREE, OCCUPIED, Obstacle, ObstacleMap
 from host.nav.odometry import heading_of
 from host.nav.plan import Room, Way, find_way, room_around, room_at, tightest
 from host.nav.yielding import BACK_CM_S, BERTH_CM, nearest_threat
@@ -116,26 +117,23 @@ def look_ahead(
 
     row0, col0 = obstacle_map.cell_of(x - reach_cm, z - reach_cm)
     row1, col1 = obstacle_map.cell_of(x + reach_cm, z + reach_cm)
-    window = obstacle_map.evidence[row0 : row1 + 1, col0 : col1 + 1]
-    rows, cols = np.nonzero(window >= FREE)
-    filled = obstacle_map.occupied[row0 : row1 + 1, col0 : col1 + 1][rows, cols]
-    points_x = obstacle_map.centres_cm[cols + col0] - x
-    points_z = obstacle_map.centres_cm[rows + row0] - z
-    along = points_x * math.sin(heading) + points_z * math.cos(heading)
-    aside = np.abs(points_x * math.cos(heading) - points_z * math.sin(heading))
-
-    touch = filled & (along > 0) & (aside < wide + half_cell)
-    unseen = ~filled & (along > 0) & (aside < radius)
-    room, obstacle, cell = reach_cm, None, None
-    if touch.any():
-        lateral = np.minimum(np.maximum(aside[touch] - half_cell, 0.0), radius)
-        gaps = along[touch] - half_cell - np.sqrt(radius**2 - lateral**2)
-        k = int(np.argmin(gaps))
-        room = float(gaps[k])
-        where = np.nonzero(touch)[0][k]
-        obstacle = obstacle_map.obstacle_at(int(rows[where] + row0), int(cols[where] + col0))
-        cell = (float(points_x[where] + x), float(points_z[where] + z))
-    blind = float((along[unseen] - half_cell - radius).min()) if unseen.any() else reach_cm
+    room, blind, row, col = _nav.meet(
+        obstacle_map.evidence,
+        obstacle_map.centres_cm,
+        (row0, row1, col0, col1),
+        x,
+        z,
+        heading,
+        radius,
+        wide + half_cell,
+        OCCUPIED,
+        FREE,
+        half_cell,
+        reach_cm,
+    )
+    obstacle, cell = None, None
+    if row >= 0:
+        obstacle, cell = obstacle_map.obstacle_at(row, col), obstacle_map.point_of(row, col)
     to_edge = _room_on_map(obstacle_map, x, z, heading)
     blind = max(0.0, min(blind, to_edge))
     if to_edge < room:
@@ -346,13 +344,10 @@ def _side_step(obstacle_map: ObstacleMap, here, aim) -> tuple[float, float]:
 
 def _clear(obstacle_map: ObstacleMap, room: Room, start, end, over_unseen: bool) -> bool:
     """Whether the robot fits all along a straight line; where it stands does not count."""
-    length = math.dist(start, end)
-    first = obstacle_map.body.radius_cm
-    parts = np.arange(min(first, length), length + 1e-9, obstacle_map.config.cell_cm / 2) / max(length, 1e-9)
-    points = np.add(start, parts[:, None] * np.subtract(end, start))
-    if not (room_at(obstacle_map, room.to_filled, points) >= tightest(obstacle_map)).all():
+    first, half, cell = obstacle_map.body.radius_cm, obstacle_map.half_cm, obstacle_map.config.cell_cm
+    if _nav.least_along(room.to_filled, half, cell, start, end, first) < tightest(obstacle_map):
         return False
-    return over_unseen or bool((room_at(obstacle_map, room.to_unseen, points) >= first).all())
+    return over_unseen or _nav.least_along(room.to_unseen, half, cell, start, end, first) >= first
 
 
 def _no_way(

@@ -6,9 +6,11 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdint>
 #include <vector>
 
+#include "ahead.hpp"
 #include "columns.hpp"
 #include "grid.hpp"
 #include "search.hpp"
@@ -128,6 +130,26 @@ nb::object search(const Image<bool>& shut, const Image<float>& cost, const Image
     return to_array<std::int64_t>(way, {way.size()});
 }
 
+nb::tuple meet(const Image<float>& evidence, const Row<double>& centres_cm, const std::array<std::size_t, 4>& window,
+               double x_cm, double z_cm, double heading, double radius_cm, double wide_cm, float filled, float free,
+               double half_cell_cm, double reach_cm) {
+    const std::size_t side = centres_cm.shape(0);
+    require(evidence.shape(0) == side && evidence.shape(1) == side, "a centre for every row and column");
+    require(window[1] < side && window[3] < side, "a window within the map");
+    const nav::Meeting met =
+        nav::meet({evidence.data(), centres_cm.data(), side, window[0], window[1], window[2], window[3]},
+                  {x_cm, z_cm, std::sin(heading), std::cos(heading), radius_cm, wide_cm}, filled, free, half_cell_cm,
+                  reach_cm);
+    return nb::make_tuple(met.room_cm, met.unseen_cm, met.row, met.col);
+}
+
+float least_along(const Image<float>& distances, double half_cm, double cell_cm, const std::array<double, 2>& start,
+                  const std::array<double, 2>& end, double from_cm) {
+    require(distances.shape(0) == distances.shape(1) && distances.shape(0) > 0, "distances of a square map");
+    return nav::least_along({distances.data(), distances.shape(0), half_cm, cell_cm}, start[0], start[1], end[0],
+                            end[1], from_cm);
+}
+
 }  // namespace
 
 NB_MODULE(_nav, m) {
@@ -147,5 +169,8 @@ NB_MODULE(_nav, m) {
     m.def("first_other", &first_other, "labels"_a, "ground"_a, "foot"_a);
     m.def("colour_steps", &colour_steps, "colours"_a, "window"_a, "light"_a);
     m.def("agreed", &agreed, "foot"_a, "found"_a, "search"_a, "agree_px"_a);
+    m.def("meet", &meet, "evidence"_a, "centres_cm"_a, "window"_a, "x_cm"_a, "z_cm"_a, "heading"_a, "radius_cm"_a,
+          "wide_cm"_a, "filled"_a, "free"_a, "half_cell_cm"_a, "reach_cm"_a);
+    m.def("least_along", &least_along, "distances"_a, "half_cm"_a, "cell_cm"_a, "start"_a, "end"_a, "from_cm"_a);
     m.def("search", &search, "shut"_a, "cost"_a, "ahead"_a, "there"_a, "row"_a, "col"_a);
 }
