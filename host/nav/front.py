@@ -136,7 +136,7 @@ class Profile:
             if len(cut) and thing.how != "foot":
                 front = thing.by_column(len(depth))[cut]
                 depth[cut], doubt[cut], known[cut] = front, thing.sigma_cm, front > 1.0
-        return depth, doubt, known
+        return depth, doubt, known & np.isfinite(depth)
 
     def _look_again(
         self,
@@ -254,5 +254,5 @@ def _round_front(feet: Feet, thing: Standing) -> np.ndarray:
     nearest, radius = float(thing.depth_cm.min()), thing.round_cm
     middle = nearest + radius
     centre = 0.5 * float(feet.across[thing.columns[0]] + feet.across[thing.columns[-1]]) * middle
-    off = np.minimum(np.abs(feet.across[thing.columns] * middle - centre), radius)
-    return middle - np.sqrt(radius**2 - off**2)
+    off = np.minimum(np.abs(feet.across[thing.columns] * middle - centre) / radius, 1.0)
+    return middle - radius * np.sqrt(1.0 - off**2)
