@@ -8,6 +8,7 @@ from driving import run, stands
 from host.nav.config import NavConfig
 from host.nav.pace import MOTORS_S, Pace
 from host.nav.steer import brakeable_cm_s
+from host.nav.task import Route
 from host.sim.session import Simulation
 
 
@@ -33,8 +34,8 @@ def test_standing_is_no_reaction():
 
 @pytest.mark.parametrize("fps", [5, 15, 30, 60])
 def test_the_goal_is_reached_at_any_rate_of_pictures(fps: int):
-    simulation = Simulation("sim:room?seed=3", fps=fps)
-    log, _ = run(simulation, max_time_s=60.0)
+    simulation = Simulation("sim:corridor?seed=5", fps=fps)
+    log, _ = run(simulation, task=Route([(0.0, 90.0)]), max_time_s=30.0)
     print(f"\n{fps} a second: {log.outcome} after {log.duration_s:.1f} s, {log.refused_frames} refused")
     assert log.outcome == "goal", log.reason
     assert simulation.body.collisions == 0
@@ -45,8 +46,8 @@ def test_the_goal_is_reached_at_any_rate_of_pictures(fps: int):
 
 @pytest.mark.parametrize("work_ms", [30, 80, 250])
 def test_a_slow_machine_drives_as_safely_or_stands_and_says_why(work_ms: int):
-    simulation = Simulation("sim:room?seed=3")
-    log, _ = run(simulation, compute_s=1e-3 * work_ms, max_time_s=20.0)
+    simulation = Simulation("sim:corridor?seed=5")
+    log, _ = run(simulation, compute_s=1e-3 * work_ms, max_time_s=10.0)
     print(
         f"\n{work_ms} ms a picture: {log.outcome}, {simulation.body.distance_cm:.0f} cm, "
         f"{log.dropped_frames} dropped, latency {log.latency_ms.summary()}"
@@ -54,8 +55,8 @@ def test_a_slow_machine_drives_as_safely_or_stands_and_says_why(work_ms: int):
     assert simulation.body.collisions == 0
     assert log.faults_cleared == 0  # never so slow that the robot has to stop itself
     if work_ms <= 80:
-        assert simulation.body.distance_cm > 60.0 and log.refused_frames == 0
-        assert (log.dropped_frames > 50) == (work_ms > 1e3 / 15)
+        assert simulation.body.distance_cm > 40.0 and log.refused_frames == 0
+        assert (log.dropped_frames > 25) == (work_ms > 1e3 / 15)
         assert log.latency_ms.percentile(100) < work_ms + 1e3 / 15 + 5  # newest picture, never a queue
     else:
         assert simulation.body.distance_cm < 1.0
