@@ -1,0 +1,121 @@
+"""The remembered front of what is ahead, from columns of feet as a camera 15 cm above the floor has them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+
+from host.nav.front import Met, Profile, Sight
+from host.nav.picture import NO_REGION
+from host.nav.stand import FAIR, Standing
+
+WALL = 7
+NEAREST_CM = 35.0
+RADIUS_CM = 12.0
+CAMERA_AHEAD_CM = 12.0
+ACROSS = (np.arange(160) - 79.5) * 2 / 280
+
+
+@dataclass
+class Columns:
+    """What `Feet` says of every column."""
+
+    depth_cm: np.ndarray
+    region: np.ndarray
+    cut: np.ndarray
+    across: np.ndarray = field(default_factory=lambda: ACROSS)
+    height_cm: float = 15.0
+    nearest_cm: float = NEAREST_CM
+
+    @property
+    def sure(self) -> np.ndarray:
+        return np.ones(len(self.cut), bool)
+
+    @property
+    def floor_cm(self) -> np.ndarray:
+        return np.where(self.cut, NEAREST_CM, self.depth_cm)
+
+
+def flat_front(away_cm: float, noise_cm: float = 0.0, seed: int = 0) -> Columns:
+    """Something across the whole view, its foot seen or below the picture."""
+    cut = np.full(160, away_cm < NEAREST_CM)
+    depth = np.full(160, max(away_cm, NEAREST_CM))
+    depth += np.random.default_rng(seed).normal(0.0, noise_cm, 160)
+    return Columns(depth, np.full(160, WALL), cut)
+
+
+def bare_floor() -> Columns:
+    return Columns(np.full(160, 500.0), np.full(160, NO_REGION), np.zeros(160, bool))
+
+
+def look(profile: Profile, columns: Columns, along_cm: float, standing: tuple[Standing, ...] = ()) -> None:
+    """One frame from the axle this far along the way."""
+    camera = (0.0, along_cm + CAMERA_AHEAD_CM)
+    profile.see(Sight(columns, standing, camera, 0.0, along_cm))  # type: ignore[arg-type]
+
+
+def met(profile: Profile, along_cm: float) -> Met:
+    found = profile.met(0.0, along_cm, RADIUS_CM)
+    assert found is not None
+    return found
+
+
+def come_up_to(profile: Profile, front_cm: float, end_cm: float) -> None:
+    """Drive from 100 cm before a front, by 0.7 cm a frame, to this far before it."""
+    for k, along in enumerate(np.arange(front_cm - 100.0, front_cm - end_cm, 0.7)):
+        look(profile, flat_front(front_cm - along - CAMERA_AHEAD_CM, 0.5, seed=k), float(along))
+
+
+def test_a_front_whose_foot_went_below_the_picture_is_where_it_was():
+    profile = Profile(0.0, 0.0, 0.0)
+    come_up_to(profile, 200.0, 22.0)
+    found = met(profile, 178.0)
+    assert found.by_foot and found.region == WALL
+    assert found.room_cm == pytest.approx(200.0 - 178.0 - RADIUS_CM, abs=0.7)
+    assert found.sigma_cm < 1.5
+
+
+def test_a_late_depth_of_what_is_cut_off_does_not_move_a_front_that_was_seen():
+    profile = Profile(0.0, 0.0, 0.0)
+    come_up_to(profile, 200.0, 22.0)
+    before = met(profile, 178.0).room_cm
+    away = 200.0 - 178.0 - CAMERA_AHEAD_CM
+    late = Standing(WALL, np.arange(160), np.full(160, away - 7.0), away, 4.5, "outline", FAIR)
+    for _ in range(30):
+        look(profile, flat_front(away), 178.0, (late,))
+    assert met(profile, 178.0).room_cm == pytest.approx(before, abs=0.3)
+
+
+def test_without_a_foot_ever_seen_a_depth_places_the_front_as_surely_as_it_is_itself():
+    profile = Profile(0.0, 0.0, 0.0)
+    found = Standing(WALL, np.arange(160), np.full(160, 30.0), 30.0, 4.0, "outline", FAIR)
+    for _ in range(3):
+        look(profile, flat_front(30.0), 0.0, (found,))
+    ahead = met(profile, 0.0)
+    assert not ahead.by_foot
+    assert ahead.room_cm == pytest.approx(30.0 + CAMERA_AHEAD_CM - RADIUS_CM, abs=0.1)
+    assert 2.0 < ahead.sigma_cm <= 4.1
+
+
+def test_what_is_looked_at_again_and_is_not_there_is_forgotten():
+    profile = Profile(0.0, 0.0, 0.0)
+    for k in range(12):
+        look(profile, flat_front(80.0, 0.5, seed=k), 0.0)
+    assert met(profile, 0.0).room_cm == pytest.approx(80.0, abs=1.5)
+    for _ in range(12):
+        look(profile, bare_floor(), 0.0)
+    assert profile.met(0.0, 0.0, RADIUS_CM) is None
+    assert profile.clear_cm(0.0, 0.0, RADIUS_CM) > 60.0
+
+
+def test_a_disc_meets_only_what_it_is_wide_enough_for():
+    profile = Profile(0.0, 0.0, 0.0)
+    beside = bare_floor()
+    there = ACROSS * 60.0 > 14.0
+    beside.depth_cm[there], beside.region[there] = 60.0, WALL
+    for _ in range(6):
+        look(profile, beside, 0.0)
+    assert profile.met(0.0, 0.0, RADIUS_CM) is None
+    assert profile.met(6.0, 0.0, RADIUS_CM) is not None
