@@ -8,8 +8,11 @@ Leaves runs/<time>/ (and runs/latest) with result.json and annotated pictures.
 
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # small matrices: threads only wait
 
 if __package__ in (None, ""):  # run as a script: the package lies one folder up
     sys.path[0] = str(Path(__file__).resolve().parent.parent)
