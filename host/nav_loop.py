@@ -62,6 +62,8 @@ class Options:
     approach: float | None = None  # stop this many cm before what is ahead
     measure_only: bool = False  # drive nothing; somebody else moves the robot
     max_time: float = 45.0  # seconds after which the drive ends wherever it is
+    max_wall: float | None = None
+    """seconds of real time after which it ends as well; --max-time or 52, whichever is more"""
     json: Path | None = None  # write the result here as well
     lens: Path | None = None  # camera.json of a real camera
     view: bool = True  # show the live line on a terminal
@@ -120,6 +122,8 @@ def main() -> int:
         raise UsageError(f"--approach {options.approach:g}: give 0 to 100 cm")
     if not 0 < options.max_time < math.inf:
         raise UsageError(f"--max-time {options.max_time:g}: give seconds above zero")
+    if options.max_wall is not None and not 0 < options.max_wall < math.inf:
+        raise UsageError(f"--max-wall {options.max_wall:g}: give seconds above zero")
     if options.json is not None:
         check_writable(options.json, folder=False)
     check_writable(RUNS, folder=True)
@@ -141,7 +145,7 @@ def main() -> int:
                 rig.refuse(why)
                 ticker.show(log)
 
-            wall_s = max(options.max_time, LONGEST_WALL_S)
+            wall_s = options.max_wall or max(options.max_time, LONGEST_WALL_S)
             log, code = drive(
                 rig.camera,
                 rig.robot,

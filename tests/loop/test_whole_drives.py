@@ -16,8 +16,8 @@ ROOT = Path(__file__).resolve().parents[2]
 def test_the_robot_reaches_the_goal_of_a_room_and_touches_nothing(seed: int, tmp_path: Path):
     out = tmp_path / "result.json"
     command = [sys.executable, str(ROOT / "host" / "nav_loop.py"), "--no-view", "--json", str(out)]
-    more = ["--camera", f"sim:room?seed={seed}", "--max-time", "120"]
-    run = subprocess.run(command + more, cwd=tmp_path, capture_output=True, text=True, timeout=280)
+    more = ["--camera", f"sim:room?seed={seed}", "--max-time", "120", "--max-wall", "1000"]
+    run = subprocess.run(command + more, cwd=tmp_path, capture_output=True, text=True, timeout=1100)
     assert run.returncode == 0, run.stderr
     result = json.loads(out.read_text())
     assert result["outcome"] == "goal", result["reason"]
