@@ -26,6 +26,9 @@ AngleT = TypeVar("AngleT", float, np.ndarray)
 
 PLAN_EVERY_S = 0.5
 KEEP_WAY_S = 2.0  # a way that is still open is followed for so long before a better one is looked for
+SAVES_S = 1.5  # and left only for one that takes less time by this
+SAVES_SHARE = 0.2  # and by this part of what is left, for what is seen next may cost the new one as much
+SETS_OUT_CM = 30.0  # a way sets out towards its point this far on
 SURE_SIGMAS = 2.0  # an obstacle may be nearer than measured by so many of its sigmas
 FACE_RAD = math.radians(25)  # of a goal that something covers, before that is believed
 LINGER_S = 0.7  # it must be out of the way for so long
@@ -206,7 +209,7 @@ def decide(
     ahead = look_ahead(obstacle_map, x, z, heading)
     v, reason = speed_ahead(ahead, obstacle_map)
     if v == 0.0:  # the plan must lead elsewhere
-        return Command(0.0, 0.0, reason), replace(plan, piece_from=None, made_s=-math.inf, aim=None)
+        return Command(0.0, 0.0, reason), replace(plan, piece_from=None, made_s=-math.inf, way=None, aim=None)
     omega = max(-BEND_RAD_S, min(BEND_RAD_S, 1.0 * error))
     v *= 1 - 0.7 * min(1.0, abs(error) / TURN_FROM_RAD)  # so that the bend stays near the line
     return Command(10 * v, omega, reason), plan
@@ -278,10 +281,13 @@ def _planned(
     if t_s - plan.made_s < PLAN_EVERY_S:
         return plan
     room = room_around(obstacle_map)
-    way = _rest_of(plan, obstacle_map, room, here, t_s)
-    if way is None:
-        way = find_way(obstacle_map, room, here, goal_cm, heading)
+    kept = _rest_of(plan, obstacle_map, room, here)
+    if kept is None or t_s - plan.found_s > KEEP_WAY_S:
+        found = find_way(obstacle_map, room, here, goal_cm, heading)
+        way = _worth_changing(obstacle_map, room, heading, kept, found)
         plan = replace(plan, found_s=t_s)
+    else:
+        way = kept
     gain = math.dist(here, goal_cm) - math.dist(way.points[-1], goal_cm)
     if not way.to_goal and gain < WORTH_CM:
         return replace(plan, way=None, aim=None, piece_from=None, made_s=t_s)
@@ -298,9 +304,35 @@ def _planned(
     return replace(plan, aim=aim, unseen=over_unseen)
 
 
-def _rest_of(plan: Plan, obstacle_map: ObstacleMap, room: Room, here, t_s: float) -> Way | None:
-    """What is left of a way that is still young and open; None where another one must be found."""
-    if plan.way is None or not plan.way.to_goal or t_s - plan.found_s > KEEP_WAY_S:
+def _worth_changing(
+    obstacle_map: ObstacleMap, room: Room, heading: float, kept: Way | None, found: Way
+) -> Way:
+    """The way that was kept, unless the one just found is clearly quicker."""
+    if kept is None or not found.to_goal:
+        return found
+    kept_s, found_s = (_time_of(obstacle_map, room, heading, way) for way in (kept, found))
+    return found if found_s < (1 - SAVES_SHARE) * kept_s - SAVES_S else kept
+
+
+def _time_of(obstacle_map: ObstacleMap, room: Room, heading: float, way: Way) -> float:
+    """Seconds a way takes, with the turn it begins with: slower over unseen floor and close to things."""
+    config = obstacle_map.config
+    points = np.array(way.points)
+    legs_cm = np.hypot(*np.diff(points, axis=0).T)
+    if len(legs_cm) == 0:
+        return 0.0
+    out = points[min(int(np.searchsorted(legs_cm.cumsum(), SETS_OUT_CM)) + 1, len(points) - 1)]
+    turn = abs(wrap(_bearing((points[0, 0], points[0, 1]), (out[0], out[1])) - heading))
+    middles = (points[1:] + points[:-1]) / 2
+    unseen = room_at(obstacle_map, room.to_unseen, middles) < obstacle_map.body.radius_cm
+    snug = room_at(obstacle_map, room.to_filled, middles) < tightest(obstacle_map) + config.comfort_cm / 2
+    speed_cm_s = np.where(unseen | snug, config.creep_cm_s, config.speed_cm_s)
+    return float((legs_cm / speed_cm_s).sum()) + turn / config.turn_rad_s
+
+
+def _rest_of(plan: Plan, obstacle_map: ObstacleMap, room: Room, here) -> Way | None:
+    """What is left of the way, if it is still open; None where another one must be found."""
+    if plan.way is None or not plan.way.to_goal:
         return None
     points = np.array(plan.way.points)
     away = np.hypot(*(points - here).T)

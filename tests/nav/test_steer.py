@@ -289,3 +289,15 @@ def test_what_moves_away_from_its_way_is_not_waited_for():
     )
     command, _ = decide(Plan(begun=True), floor, camera(0, 0, 0, 0.1), (0, 200))
     assert command.v_mm_s == 10 * CONFIG.speed_cm_s
+
+
+def test_a_way_once_chosen_is_left_only_for_one_that_is_clearly_quicker():
+    for left_end, kept in ((-30, True), (-160, False)):  # left is hardly longer than right, or much longer
+        floor, only_left = open_floor(), open_floor()
+        put(floor, left_end, 60, 30, 80)
+        put(only_left, left_end, 60, 400, 80)
+        way = find_way(only_left, room_around(only_left), (0, 0), (10, 200), 0.0)
+        assert way.to_goal and min(x for x, _ in way.points) < left_end
+        _, plan = decide(Plan(begun=True, way=way), floor, camera(0, 0, 0, 5.0), (10, 200))
+        assert plan.way is not None
+        assert (min(x for x, _ in plan.way.points) < left_end) == kept
