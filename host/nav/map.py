@@ -22,7 +22,7 @@ from host.nav.front import Sight
 from host.nav.odometry import heading_of
 from host.nav.picture import NO_REGION, STEP_PX, Picture, rays_of
 from host.nav.stand import AT_BORDER, SURE, Feet, Standing, stand_of, usable_depth
-from host.nav.tracks import Tracks
+from host.nav.tracks import Mover, Tracks
 from host.pose import Pose
 from host.rbdn.snapshot import Snapshot
 
@@ -77,6 +77,7 @@ class ObstacleMap:
         self.region = np.full((side, side), NO_REGION, np.int32)
         self.brief = np.zeros((side, side), bool)
         self.obstacles: dict[int, Obstacle] = {}
+        self.movers: list[Mover] = []  # also for a while after they went out of sight
         self._tracks = Tracks()
         self._front_cm: dict[int, float] = {}  # before a region's mean depth
         self._half = side // 2 * config.cell_cm
@@ -167,14 +168,12 @@ class ObstacleMap:
         for region in snapshot.regions:
             if self.floor.is_floor(region.id):
                 continue
-            found = stand_of(
-                region.id,
-                report,
-                feet,
-                picture,
-                self._front_cm.get(region.id),
-                self.floor.is_mixed(region.id),
-            )
+            mixed = self.floor.is_mixed(region.id)
+            velocity = None if mixed else self._tracks.velocity(region.id, feet, pose.t_s)
+            told = report.regions.get(region.id)
+            moving = velocity is not None or (told is not None and told.moving)
+            front = self._front_cm.get(region.id)
+            found = stand_of(region.id, report, feet, picture, front, mixed, moving)
             if found is None or (found.how == AT_BORDER and self._remembers(found, feet)):
                 continue
             if found.how == "foot" and (cut := found.where(feet.cut)) and self._remembers(cut, feet):
@@ -183,12 +182,10 @@ class ObstacleMap:
                 continue
             standing.append(found)
             self._learn_front(found, report)
-            told = report.regions.get(region.id)
-            velocity = self._tracks.velocity(found, feet, pose.t_s)
-            moving = velocity is not None or (told is not None and told.moving)
             if moving:
                 movers.add(region.id)
             self.obstacles[region.id] = _obstacle(found, feet, pose.t_s, moving, velocity)
+        self.movers = self._tracks.movers
         for region_id in movers:  # it is no longer where it was
             self.evidence[(self.region == region_id) & (self.evidence > 0.0)] = 0.0
         resting = tuple(one for one in standing if one.region not in movers)

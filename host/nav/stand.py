@@ -124,6 +124,7 @@ def stand_of(
     picture: Picture,
     front_cm: float | None = None,
     mixed: bool = False,
+    moving: bool = False,
 ) -> Standing | None:
     """Where a region that is not floor stands; None while nothing is known of it.
 
@@ -132,8 +133,6 @@ def stand_of(
     `front_cm` before its mean depth, as it did when its foot was last seen. Where much of the foot is below
     the image it is nearer than the border: what little of a foot is left to see then says nothing.
     """
-    found = report.regions.get(region_id)
-    moving = found is not None and found.moving
     measured = None if moving or mixed else usable_depth(report, region_id)  # true of things at rest
     covered = np.flatnonzero(feet.region == region_id) if mixed else picture.columns_of(region_id)
     mine = feet.region == region_id
