@@ -31,6 +31,7 @@ struct Keyframe {
     int frame = 0;
     ContourMap map;
     std::vector<Face> faces;
+    double found = 1.0;  // share of the outline of now that was found again in it last
 };
 
 // One sample in one earlier frame. Derivatives in px.

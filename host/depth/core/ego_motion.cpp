@@ -15,6 +15,7 @@ constexpr std::size_t FEWEST_TRACKS = 6;
 constexpr double TUKEY = 4.7;
 constexpr double GUESS_PX = 0.75;       // how far a guess from the vertices may be off
 constexpr double MEMORY = 0.85;         // share of what was learnt of odometry that a frame leaves standing
+constexpr double SHAKING_GAIN = 0.1;    // of what one frame says of how much the camera shakes
 constexpr double SOLVED_CM = 0.02;      // how well the travel between frames is solved, for stepped odometry
 constexpr std::size_t READINGS = 96;
 constexpr double SAME_STEP = 0.02;      // relative; steps of odometry are multiples of each other within this
@@ -117,18 +118,26 @@ void EgoMotion::believe(const Jerk& jerk, Path& path, int present) {
     Station& here = path.at(present);
     const Station& last = path.at(last_);
     here.pitch_rad += jerk.pitch_rad, here.yaw_rad += jerk.yaw_rad;
+    const double each = 2 * path.least_turn_variance();
     const double thought = here.turn_variance_rad2 - last.turn_variance_rad2 + here.timing_variance_rad2 +
-                           last.timing_variance_rad2 + 2 * path.least_turn_variance();
-    turn_excess_ = std::max(turn_excess_, 0.5 * (square(jerk.pitch_rad) + square(jerk.yaw_rad)) / thought);
+                           last.timing_variance_rad2 + each;
+    const double seen = 0.5 * (square(jerk.pitch_rad) + square(jerk.yaw_rad));
+    turn_excess_ = std::max(turn_excess_, seen / thought);
+    const double nod = path.tracked() ? thought : each + here.told_variance_rad2 + last.told_variance_rad2;
+    pitch_excess_ = std::max(pitch_excess_, seen / nod);
 }
 
 MotionPrior EgoMotion::prior(const Path& path, const std::vector<int>& frames) const {
     const std::size_t count = frames.size();
     MotionPrior out;
-    out.turn_precision.assign(count * count, 0.0), out.travel_precision.assign(count * count, 0.0);
+    for (std::vector<double>& p : out.turn_precision) p.assign(count * count, 0.0);
+    out.travel_precision.assign(count * count, 0.0);
     out.travel_mean_cm.assign(count, 0.0);
     double first_turn = INFINITY, first_travel = INFINITY;
     for (const int f : frames) {
+        // the floor holds a robot's pitch: it shakes, but nothing adds up
+        const double pitch = path.tracked() ? path.at(f).pitch_rad : 0.0;
+        if (path.at(f).turn_variance_rad2 < first_turn) out.turn_mean = {pitch, path.at(f).yaw_rad};
         first_turn = std::min(first_turn, path.at(f).turn_variance_rad2);
         first_travel = std::min(first_travel, path.at(f).travel_variance_cm2);
     }
@@ -137,11 +146,14 @@ MotionPrior EgoMotion::prior(const Path& path, const std::vector<int>& frames) c
             const Station &p = path.at(frames[a]), &q = path.at(frames[b]);
             double turn = std::min(p.turn_variance_rad2, q.turn_variance_rad2) - first_turn;
             double travel = std::min(p.travel_variance_cm2, q.travel_variance_cm2) - first_travel;
+            double pitch = path.tracked() ? turn : 0.0;
             if (a == b) {
-                turn += p.timing_variance_rad2 + path.least_turn_variance();
+                const double each = p.timing_variance_rad2 + path.least_turn_variance();
+                turn += each, pitch += path.tracked() ? each : path.least_turn_variance() + p.told_variance_rad2;
                 travel += p.reading_variance_cm2;
             }
-            out.turn_precision[a * count + b] = turn_excess_ * turn;
+            out.turn_precision[0][a * count + b] = pitch_excess_ * pitch;
+            out.turn_precision[1][a * count + b] = turn_excess_ * turn;
             out.travel_precision[a * count + b] = travel_excess_ * travel;
         }
     if (quantum_cm_ > 0) {
@@ -153,13 +165,13 @@ MotionPrior EgoMotion::prior(const Path& path, const std::vector<int>& frames) c
                     a != b ? 0.0 : a == 0 ? square(quantum_cm_) / 12 : square(SOLVED_CM);
         }
     }
-    invert_spd(out.turn_precision, count);
+    for (std::vector<double>& p : out.turn_precision) invert_spd(p, count);
     invert_spd(out.travel_precision, count);
     return out;
 }
 
 std::vector<Correction> EgoMotion::corrections(const Path& path, const std::vector<int>& frames,
-                                               const std::vector<double>& covariance) const {
+                                               const std::vector<double>& covariance, double rho) const {
     const std::size_t m = 3 * frames.size();
     const Station& now = path.at(frames[0]);
     std::vector<Correction> out;
@@ -175,7 +187,9 @@ std::vector<Correction> EgoMotion::corrections(const Path& path, const std::vect
             c.travel_sigma_cm = std::sqrt(travel_excess_ * (now.travel_variance_cm2 - then.travel_variance_cm2 +
                                                             now.reading_variance_cm2 + then.reading_variance_cm2));
         } else {
-            c.yaw_sigma_rad = std::sqrt(std::max(0.0, variance(1)));
+            const double aside = rho * path.distance_cm(frames[0], frames[a]);
+            const double heading = path.heading_variance(frames[0], frames[a]);
+            c.yaw_sigma_rad = std::sqrt(std::max(0.0, variance(1)) + square(aside) * heading);
             c.travel_sigma_cm = std::sqrt(std::max(0.0, variance(2)));
         }
         out.push_back(c);
@@ -196,20 +210,42 @@ void EgoMotion::learn(Path& path, const std::vector<int>& frames,
     };
     for (std::size_t a = 0; a < count; ++a) {
         Station& s = path.at(frames[a]);
-        s.solved_turn_sigma_rad = std::sqrt(std::max(0.0, 0.5 * (relative(a, 0) + relative(a, 1))));
+        s.solved_turn_sigma_rad = std::sqrt(std::max({0.0, relative(a, 0), relative(a, 1)}));
         s.solved_travel_sigma_cm = std::sqrt(std::max(0.0, relative(a, 2)));
     }
     // expected squares of the errors, in units of the prior
     const MotionPrior expected = prior(path, frames);
-    double turn = 0;
-    for (std::size_t a = 0; a < count; ++a)
-        for (std::size_t b = 0; b < count; ++b)
-            for (std::size_t i = 0; i < 2; ++i)
-                turn += expected.turn_precision[a * count + b] *
-                        (cameras[a][i] * cameras[b][i] + covariance[(3 * a + i) * m + 3 * b + i]);
-    turn_excess_ = std::max(1.0, turn_excess_ * (MEMORY + (1 - MEMORY) * turn / (2.0 * static_cast<double>(count))));
+    for (std::size_t i = 0; i < 2; ++i) {
+        double turn = 0;
+        for (std::size_t a = 0; a < count; ++a)
+            for (std::size_t b = 0; b < count; ++b)
+                turn += expected.turn_precision[i][a * count + b] *
+                        ((cameras[a][i] - expected.turn_mean[i]) * (cameras[b][i] - expected.turn_mean[i]) +
+                         covariance[(3 * a + i) * m + 3 * b + i]);
+        double& excess = i == 0 ? pitch_excess_ : turn_excess_;
+        excess = std::max(1.0, excess * (MEMORY + (1 - MEMORY) * turn / static_cast<double>(count)));
+    }
+    learn_heading(path, frames[0], std::sqrt(std::max(0.0, relative(count - 1, 1))));
     if (quantum_cm_ == 0) learn_travel(path, frames, cameras, covariance);
     rescale(path, frames[0]);
+    path.set_scale_sigma(scale_sigma_);
+}
+
+// The robot goes where it heads. What the camera turns beyond that is shaking, which shows in its pitch as
+// much as in its yaw, and is no error of the heading.
+void EgoMotion::learn_heading(Path& path, int present, double sigma_rad) {
+    Station& here = path.at(present);
+    if (learnt_ >= 0) {
+        const double nod = here.pitch_rad - learnt_pitch_;
+        shaking_ += SHAKING_GAIN * (square(nod) - shaking_);
+        heading_variance_ += std::max(0.0, here.turn_variance_rad2 - learnt_variance_ - shaking_);
+        const double noise = square(sigma_rad) + shaking_ + here.timing_variance_rad2;
+        const double gain = heading_variance_ > 0 ? heading_variance_ / (heading_variance_ + noise) : 0.0;
+        here.heading_rad += gain * (here.yaw_rad - here.heading_rad);
+        heading_variance_ *= 1 - gain;
+        here.heading_variance_rad2 = heading_variance_;
+    }
+    learnt_ = present, learnt_pitch_ = here.pitch_rad, learnt_variance_ = here.turn_variance_rad2;
 }
 
 // What travel differs from odometry by, beyond an offset and a scale of all of it: those show nowhere in the

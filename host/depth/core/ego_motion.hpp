@@ -49,9 +49,10 @@ class EgoMotion {
                const std::vector<double>& covariance);
 
     // Corrections of the present frame, the first of `frames`, against each of the others: as they were solved,
-    // or as they are without any picture of now where the covariance (as for `learn`) is empty.
+    // or as they are without any picture of now where the covariance (as for `learn`) is empty. A way that went
+    // elsewhere than the heading has it looks like a turn, the more the nearer what is seen is: `rho`, 1/cm.
     std::vector<Correction> corrections(const Path& path, const std::vector<int>& frames,
-                                        const std::vector<double>& covariance) const;
+                                        const std::vector<double>& covariance, double rho) const;
 
     // Relative standard error of all lengths, from the readings of the travelled distance.
     double scale_sigma() const { return scale_sigma_; }
@@ -67,6 +68,7 @@ class EgoMotion {
     };
     void learn_travel(const Path& path, const std::vector<int>& frames,
                       const std::vector<std::array<double, 3>>& cameras, const std::vector<double>& covariance);
+    void learn_heading(Path& path, int present, double sigma_rad);
     void rescale(Path& path, int present);
 
     Camera camera_;
@@ -74,7 +76,11 @@ class EgoMotion {
     std::vector<std::int64_t> last_ids_;
     std::vector<Vec2> last_px_;
     // variance of odometry's errors in units of what the path takes them for, and how much is behind it
-    double turn_excess_ = 1.0, travel_excess_ = 1.0;
+    double pitch_excess_ = 1.0, turn_excess_ = 1.0, travel_excess_ = 1.0;
+    // variances, rad^2, of the heading's error that the path has and of the camera's shaking
+    double heading_variance_ = 0.0, shaking_ = 0.0;
+    int learnt_ = -1;  // the frame that heading was learnt from last
+    double learnt_pitch_ = 0.0, learnt_variance_ = 0.0;
     std::vector<Reading> readings_;
     double quantum_cm_ = 0.0;  // odometry comes in steps of this; 0 where it does not
     double scale_sigma_ = 0.0;

@@ -37,7 +37,7 @@ Estimator::Estimator(const Camera& camera, const Config& config)
 
 Depths Estimator::update(const FrameView& frame, const Reading& reading) {
     // not a number counts as a leap: it would stay in the path for good
-    if (present_ >= 0 && !(length(reading.position_cm - path_.at(present_).position_cm) <= LEAP_CM))
+    if (present_ >= 0 && !(length(reading.position_cm - path_.at(present_).read_cm) <= LEAP_CM))
         *this = Estimator(camera_, config_);  // a robot put elsewhere, or odometry begun anew: another run
     const int now = ++present_;
     path_.add(now, reading.rotation, reading.position_cm, reading.t_s, reading.travel_sigma_cm,

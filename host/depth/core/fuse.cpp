@@ -7,6 +7,10 @@ namespace depth {
 namespace {
 constexpr double METHOD_CORRELATION = 0.6;
 constexpr double DISAGREEMENT_SIGMAS = 3.0;
+// A region that can be measured no longer has changed: merged, hidden or cut. What was just found goes with it.
+constexpr int CONFIRMED = 8;                   // measurements one after the other in agreement, from which on a depth is carried
+constexpr double CARRIED_SHARE = 0.05;         // relative error of what is carried, because of that change,
+constexpr double CARRIED_SHARE_PER_CM = 0.01;  // and because of the way since
 constexpr int FORGET_FRAMES = 30;  // a region not seen for so long is new when it comes back
 
 // Weights of least variance, inv(C) 1, of those that `take` part; what would get a negative one is left out:
@@ -100,12 +104,17 @@ std::optional<Fused> Memory::update(std::int64_t id, const std::optional<Fused>&
             forget(id);
             return std::nullopt;
         }
+        if (last_.at(id).measured < CONFIRMED) return std::nullopt;
         // the ray and the sigma stay those of the last measurement, so that carrying adds nothing twice
         Fused out = *before;
         out.note = "carried on from an earlier frame";
+        const double moved = path.distance_cm(last_.at(id).frame, present);
+        out.sigma_cm = std::hypot(out.sigma_cm, (CARRIED_SHARE + CARRIED_SHARE_PER_CM * moved) * out.depth_cm);
+        if (out.sigma_cm > config_.max_relative_sigma * out.depth_cm) return std::nullopt;
         return out;
     }
     Fused now = *measured;
+    int times = 1;
     if (before) {
         if (path.distance_cm(last_.at(id).frame, present) < config_.min_step_cm) {
             Fused out = *before;  // at rest nothing new is learnt
@@ -120,9 +129,10 @@ std::optional<Fused> Memory::update(std::int64_t id, const std::optional<Fused>&
             const double w = a / (a + b);
             now.depth_cm = w * now.depth_cm + (1 - w) * before->depth_cm;
             now.sigma_cm = w * now.sigma_cm + (1 - w) * before->sigma_cm;
+            times = last_.at(id).measured + 1;
         }
     }
-    last_[id] = {now, ray, present};
+    last_[id] = {now, ray, present, times};
     return now;
 }
 

@@ -50,7 +50,7 @@ class Memory {
     // What the last answer is worth from here, if there is one.
     std::optional<Fused> predict(std::int64_t id, const Path& path, int present) const;
 
-    // Averages the new answer with the remembered one, or carries that on.
+    // Averages the new answer with the remembered one, or carries that on with a larger sigma if it was confirmed.
     //
     // ray: towards the region's middle, third component 1
     std::optional<Fused> update(std::int64_t id, const std::optional<Fused>& measured, Vec3 ray, const Path& path,
@@ -63,6 +63,7 @@ class Memory {
         Fused fused;
         Vec3 ray;
         int frame;
+        int measured = 1;  // so many times, one after the other in agreement
     };
     FuseConfig config_;
     std::map<std::int64_t, Remembered> last_;

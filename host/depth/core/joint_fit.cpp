@@ -106,6 +106,11 @@ void JointFit::step(const std::vector<double>& own, double tilt, const FitSettin
                             ? std::max(settings.noise_px, TUKEY_SPREAD * std::sqrt(std::max(spread[r], 0.0) / freedom[r]))
                             : 1.0;
     }
+    // an outline errs alike all along by a share of what its samples err by, however many they are
+    std::vector<double> alike(regions_, 0.0);
+    for (std::size_t n = 0; n < rows; ++n)
+        if (total_[n] > 1) alike[static_cast<std::size_t>(samples_->rows[n].region)] += trust_[n];
+    for (double& a : alike) a = 1 + settings.coherent * a / settings.correlation;
     std::vector<double> motion(m * m, 0.0), gradient(m, 0.0), row_b(m);
     // the system
     blocks_.assign(regions_, {});
@@ -113,7 +118,7 @@ void JointFit::step(const std::vector<double>& own, double tilt, const FitSettin
     for (std::size_t n = 0; n < rows; ++n) {
         const Sample& s = samples_->rows[n];
         const auto r = static_cast<std::size_t>(s.region);
-        const double w_row = trust_[n] / (square(scale_[r]) * settings.correlation);
+        const double w_row = trust_[n] / (square(scale_[r]) * settings.correlation * alike[r]);
         if (!(w_row > 0) || !(total_[n] > 1)) continue;
         double g = 0;
         std::array<double, 3> here{};
@@ -199,7 +204,8 @@ void JointFit::step(const std::vector<double>& own, double tilt, const FitSettin
         block.level = {block.a[0], block.a[1], block.a[2]};
         // relative to the depth, so that it says nothing of the scale of all things
         const double rho = state[r].rho, sx = state[r].slope.x, sy = state[r].slope.y;
-        const double hold = 1 / square(tilt * rho), bent = (sx * sx + sy * sy) / square(rho);
+        block.alike = alike[r];
+        const double hold = 1 / (square(tilt * rho) * block.alike), bent = (sx * sx + sy * sy) / square(rho);
         block.a[0] += hold * bent, block.a[4] += hold, block.a[8] += hold;
         block.a[1] -= hold * sx / rho, block.a[3] -= hold * sx / rho;
         block.a[2] -= hold * sy / rho, block.a[6] -= hold * sy / rho;
@@ -209,11 +215,11 @@ void JointFit::step(const std::vector<double>& own, double tilt, const FitSettin
     if (cameras != nullptr) {
         for (std::size_t a = 0; a < count; ++a)
             for (std::size_t b = 0; b < count; ++b) {
-                const double turn = prior.turn_precision[a * count + b];
                 const double travel = prior.travel_precision[a * count + b];
                 for (std::size_t i = 0; i < 2; ++i) {
+                    const double turn = prior.turn_precision[i][a * count + b];
                     motion[(3 * a + i) * m + 3 * b + i] += turn;
-                    gradient[3 * a + i] += turn * (*cameras)[b][i];
+                    gradient[3 * a + i] += turn * ((*cameras)[b][i] - prior.turn_mean[i]);
                 }
                 motion[(3 * a + 2) * m + 3 * b + 2] += travel;
                 gradient[3 * a + 2] += travel * ((*cameras)[b][2] - prior.travel_mean_cm[b]);
@@ -328,9 +334,11 @@ std::vector<RegionFit> JointFit::regions(const std::vector<double>& own,
         const double shift = a[1] * state[r].slope.x + a[2] * state[r].slope.y;
         f.level.rho = std::clamp(state[r].rho + shift / a[0], LEAST_RHO, GREATEST_RHO);
         f.shift_px = f.level.rho * f.gain;
-        f.level_variance = 1 / a[0];
+        // without what all of it errs by alike: that makes no slope
+        f.level_variance = 1 / (a[0] * block.alike);
         const std::array<double, 9> inverse = inverse3(block.a);
         f.tilted_covariance = inverse;
+        for (double& v : f.tilted_covariance) v /= block.alike;
         if (!free_cameras) continue;
         // errors of the cameras' corrections on top: inv(a) b C b' inv(a)
         std::vector<double> bc(3 * m, 0.0);
@@ -349,6 +357,38 @@ std::vector<RegionFit> JointFit::regions(const std::vector<double>& own,
                         f.tilted_covariance[3 * i + j] += inverse[3 * i + p] * bcb[3 * p + q] * inverse[3 * q + j];
     }
     return out;
+}
+
+std::vector<double> JointFit::found() const {
+    std::vector<double> out(frames_, 0.0);
+    for (std::size_t n = 0; n < trust_.size(); ++n)
+        for (std::size_t k = 0; k < frames_; ++k) out[k] += trust_[n] * weight_[row_of(n, k)];
+    for (double& share : out) share /= std::max(1.0, static_cast<double>(trust_.size()));
+    return out;
+}
+
+double JointFit::coherent(const FitSettings& settings) const {
+    struct Sums {
+        double n = 0, first = 0, second = 0;
+    };
+    std::vector<Sums> sums(samples_->boundaries.size() * 2 * frames_);
+    for (std::size_t n = 0; n < trust_.size(); ++n) {
+        if (!(trust_[n] > 0)) continue;
+        const Sample& s = samples_->rows[n];
+        const double inverse = 1 / scale_[static_cast<std::size_t>(s.region)];
+        Sums* of = &sums[(2 * static_cast<std::size_t>(s.pair) + static_cast<std::size_t>(s.side)) * frames_];
+        for (std::size_t k = 0; k < frames_; ++k) {
+            const double w = trust_[n] * weight_[row_of(n, k)], e = (looks_[row_of(n, k)].residual - common_[n]) * inverse;
+            of[k].n += w, of[k].first += w * e, of[k].second += w * e * e;
+        }
+    }
+    double shared = 0, all = 0;
+    for (const Sums& s : sums) {
+        if (!(s.n > 2 * settings.correlation)) continue;
+        shared += square(s.first) - settings.correlation * s.second;
+        all += s.n * s.n;
+    }
+    return all > 0 ? std::max(0.0, shared / all) : 0.0;
 }
 
 JointFit::Nearby JointFit::nearby(std::size_t region, Vec2 place, double reach_px, const FitSettings& settings) const {

@@ -26,13 +26,15 @@ struct FitSettings {
     double noise_px = 0.12;   // an outline is never taken to be better than this
     double gate_px = 2.5;     // residuals beyond are not used
     double correlation = 1.0; // of neighbouring samples: their variance is so much larger
+    double coherent = 0.0;    // share of their variance that whole outlines have in common
 };
 
 // What odometry says of the cameras: the present one first, then the earlier ones in their order.
 struct MotionPrior {
-    std::vector<double> turn_precision;    // (C, C), of pitch and of yaw
+    std::array<std::vector<double>, 2> turn_precision;  // (C, C) each, of pitch and of yaw
     std::vector<double> travel_precision;  // (C, C)
     std::vector<double> travel_mean_cm;    // (C,)
+    std::array<double, 2> turn_mean{};     // pitch and yaw of the oldest: no picture shows what all share
 };
 
 struct RegionFit {
@@ -71,6 +73,13 @@ class JointFit {
 
     std::vector<RegionFit> regions(const std::vector<double>& own, const std::vector<RegionState>& state) const;
 
+    // Share of all samples found again in each earlier frame, by the weights of the last step.
+    std::vector<double> found() const;
+
+    // Share of the residuals' variance that all samples of one boundary have in common in one frame, after the
+    // last step, beyond what neighbours have.
+    double coherent(const FitSettings& settings) const;
+
     // What the own outline within `reach_px` of a place, px from the region's middle, says of the inverse depth
     // there beyond the region's fit: its difference, and how sure it is (1 / variance).
     struct Nearby {
@@ -87,6 +96,7 @@ class JointFit {
         std::array<double, 3> level{};  // its first row before anything is expected of slopes
         std::vector<double> b;       // (3, M): with the cameras
         std::array<double, 3> g{};   // gradient
+        double alike = 1.0;          // by which the variance grows because whole outlines err alike
     };
     std::size_t row_of(std::size_t n, std::size_t k) const { return n * frames_ + k; }
 

@@ -22,6 +22,7 @@ constexpr std::size_t OWNERS_FROM = 3;   // from which on outlines count for the
 constexpr double MIN_OWN_PX = 20.0;    // of outline that is the region's own
 constexpr double MIN_OWN_SHARE = 0.25; // of its outline within the image
 constexpr double MIN_FOUND = 0.2;      // of its own outline over all kept frames
+constexpr double NOTHING_FOUND = 0.05; // of the outline, in a keyframe that shows another part of the world
 constexpr double MIN_CONTRAST = 0.15;  // of a wrong depth's cost above the best
 constexpr double MIN_RIVAL = 0.05;     // of another dip's cost above the best
 constexpr double MIN_SHIFT_PX = 0.3;   // by which the outline must have moved over the image
@@ -31,6 +32,8 @@ constexpr double FACE_CHI2 = 20.0;     // and of a whole face, which a box with 
 constexpr double FACE_SLANT = 0.45;    // tangent of the slant from which a whole face is slanted
 constexpr double PLANE_TILT = 0.25;     // prior: relative change of depth over half a width, in widths over depth
 constexpr double COHERENT = 0.3;        // share of the residuals' scale by which a whole outline errs alike
+constexpr double COHERENT_HIDDEN = 3.0; // times what shows of it after the fit, which takes up the rest as depth and motion
+constexpr double COHERENT_GAIN = 0.1;   // of what one frame says of what shows
 constexpr double LOST_SHARE = 0.06;     // relative error of a depth whose outline is hardly found again
 constexpr double BEYOND_SLANT = 1.2;    // tangent of the slant that what is cut may have beyond its outline
 constexpr double CORNER_PX = 25.0;       // of outline either way that shows the depth of a corner
@@ -71,13 +74,19 @@ std::vector<OutlineAnswer> OutlineMethod::update(const FrameView& frame, Path& p
         if (keyframes_.size() == config_.keyframes) {
             std::vector<int> kept;
             for (const Keyframe& k : keyframes_) kept.push_back(k.frame);
-            const auto gone = static_cast<std::ptrdiff_t>(most_redundant(path, kept, present));
+            // one that shows nothing of what is seen now is missed least of all
+            std::size_t least = 0;
+            for (std::size_t k = 1; k + 1 < keyframes_.size(); ++k)
+                if (keyframes_[k].found < keyframes_[least].found) least = k;
+            const auto gone = static_cast<std::ptrdiff_t>(
+                keyframes_[least].found < NOTHING_FOUND ? least : most_redundant(path, kept, present));
             now = std::move(keyframes_[static_cast<std::size_t>(gone)]);  // its memory is used again
             keyframes_.erase(keyframes_.begin() + gone);
         }
         now.frame = present;
         now.map.file(frame, camera_, config_.border_px);
         now.faces = faces_of(frame);
+        now.found = 1.0;
         keyframes_.push_back(std::move(now));
     }
     return out;
@@ -105,7 +114,7 @@ std::vector<OutlineAnswer> OutlineMethod::answers(const FrameView& frame, Path& 
         reach_cm = std::max(reach_cm, path.distance_cm(k.frame, present));
         then.push_back(&k), frames.push_back(k.frame);
     }
-    corrections_ = ego.corrections(path, frames, {});
+    corrections_ = ego.corrections(path, frames, {}, 0.0);
     if (reach_cm < config_.min_step_cm) return none("no motion yet");
     std::vector<Vec2> middle;
     std::vector<Extent> extents;
@@ -177,6 +186,7 @@ std::vector<OutlineAnswer> OutlineMethod::answers(const FrameView& frame, Path& 
     FitSettings settings;
     settings.noise_px = config_.noise_px;
     settings.correlation = std::max(1.0, config_.correlation_px / samples.spacing_px);
+    settings.coherent = COHERENT_HIDDEN * coherent_;
     // what is known from the last frame need not be caught from afar
     const bool fresh = std::any_of(wanted.begin(), wanted.end(), [](char w) { return w != 0; });
     for (std::size_t round = fresh ? 0 : SETTLED_FROM; round < std::size(GATES_PX); ++round) {
@@ -190,10 +200,16 @@ std::vector<OutlineAnswer> OutlineMethod::answers(const FrameView& frame, Path& 
         fit.step(own, tilt, settings, prior, state, cameras_too ? &cameras : nullptr);
         if (cameras_too) place();
     }
+    coherent_ += COHERENT_GAIN * (fit.coherent(settings) - coherent_);
+    const std::vector<double> found = fit.found();
+    for (std::size_t k = 0; k < found.size(); ++k) keyframes_[k].found = found[k];
     // at rest nothing new is learnt
     if (path.distance_cm(keyframes_.back().frame, present) >= config_.min_step_cm)
         ego.learn(path, frames, cameras, fit.camera_covariance());
-    corrections_ = ego.corrections(path, frames, fit.camera_covariance());
+    std::vector<double> rhos;
+    for (const RegionState& s : state) rhos.push_back(s.rho);
+    std::nth_element(rhos.begin(), rhos.begin() + static_cast<std::ptrdiff_t>(n / 2), rhos.end());
+    corrections_ = ego.corrections(path, frames, fit.camera_covariance(), rhos[n / 2]);
 
     std::vector<Shape> shapes(n);
     for (std::size_t i = 0; i < samples.rows.size(); ++i) {

@@ -97,6 +97,7 @@ class OutlineMethod {
     std::vector<Keyframe> keyframes_;  // oldest first
     std::vector<Corner> corners_;
     std::vector<Correction> corrections_;
+    double coherent_ = 0.0;  // share of the residuals' variance that whole outlines have in common
     std::map<std::int64_t, Clarity> clarity_;
     std::map<std::int64_t, Whole> whole_;
 };

@@ -19,14 +19,19 @@ void Path::add(int frame, const Mat3& rotation, Vec3 position_cm, double t_s, do
                double turn_sigma_rad) {
     Station now;
     now.rotation = rotation;
-    now.position_cm = position_cm;
+    now.read_cm = now.position_cm = position_cm;
     now.t_s = t_s;
     now.reading_variance_cm2 = square(std::max(noise_.travel_cm, travel_sigma_cm));
     now.travel_variance_cm2 = square(travel_sigma_cm);
+    now.told_variance_rad2 = square(turn_sigma_rad);
     now.ahead = {rotation(0, 2), rotation(1, 2), rotation(2, 2)};
     if (!stations_.empty()) {
         const Station& last = stations_.rbegin()->second;
-        const Vec3 step = position_cm - last.position_cm;
+        const Vec3 read = position_cm - last.read_cm;
+        const Mat3 off = last.rotation * rotation_by({0.0, last.heading_rad, 0.0}) * transposed(last.rotation);
+        const Vec3 step = off * read;
+        now.heading_rad = last.heading_rad, now.heading_variance_rad2 = last.heading_variance_rad2;
+        now.position_cm = last.position_cm + step;
         const double step_cm = length(step);
         const double turn = angle_of(transposed(last.rotation) * rotation);
         const double dt_s = t_s - last.t_s;
@@ -46,7 +51,7 @@ bool Path::as_on_wheels(const Station& last, const Station& now) const {
     const Mat3 turn = transposed(last.rotation) * now.rotation;
     const double yaw = 0.5 * (turn(0, 2) - turn(2, 0)), roll = 0.5 * (turn(1, 0) - turn(0, 1));
     if (std::abs(roll) > ROLL_RAD && std::abs(roll) > STEEPEST_MOUNT * std::abs(yaw)) return false;
-    const Vec3 step = transposed(last.rotation) * (now.position_cm - last.position_cm);
+    const Vec3 step = transposed(last.rotation) * (now.read_cm - last.read_cm);
     return std::abs(step.y) < RISE_CM || std::abs(step.y) < STEEPEST_MOUNT * std::hypot(step.x, step.z);
 }
 
@@ -66,9 +71,11 @@ Move Path::move(int here, int there) const {
     Move out;
     out.turn = back * rotation(here);
     out.shift_cm = back * (position_cm(here) - position_cm(there));
+    out.heading_sigma_rad = std::sqrt(heading_variance(here, there));
     if (a.solved_travel_sigma_cm >= 0 && b.solved_travel_sigma_cm >= 0) {
         out.travel_sigma_cm =
-            std::hypot(std::max(a.solved_travel_sigma_cm, b.solved_travel_sigma_cm), std::sqrt(2) * place_sigma_cm());
+            std::hypot(std::max(a.solved_travel_sigma_cm, b.solved_travel_sigma_cm), std::sqrt(2) * place_sigma_cm(),
+                       scale_sigma_ * length(out.shift_cm));
         out.turn_sigma_rad = std::max(a.solved_turn_sigma_rad, b.solved_turn_sigma_rad);
         return out;
     }

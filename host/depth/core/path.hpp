@@ -2,6 +2,7 @@
 // the way from one to another is known.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <map>
 #include <set>
@@ -17,6 +18,7 @@ struct Move {
     Vec3 shift_cm;
     double travel_sigma_cm = 0.0;  // standard error of the length of the shift
     double turn_sigma_rad = 0.0;   // of the rotation, about any one axis
+    double heading_sigma_rad = 0.0;  // of the direction of the shift
 };
 
 // How far odometry is to be trusted, per reading.
@@ -31,12 +33,16 @@ struct OdometryNoise {
 // A frame's place on the path.
 struct Station {
     Mat3 rotation;       // camera to world, as odometry has it
-    Vec3 position_cm;    // likewise
+    Vec3 read_cm;        // position as odometry has it
+    Vec3 position_cm;    // the same steps, each turned by what was known of the heading's error then
+    double heading_rad = 0.0;  // of the robot, by which odometry is off: the way goes there, and not only the camera
+    double heading_variance_rad2 = 0.0;  // of that
     double t_s = 0.0;
     double path_cm = 0.0;              // length of the path up to here
     double travel_variance_cm2 = 0.0;  // of the distance driven so far, grows along the path
     double reading_variance_cm2 = 0.0; // of this one reading, independent of the others
     double turn_variance_rad2 = 0.0;   // accumulated from frame to frame
+    double told_variance_rad2 = 0.0;   // of the rotation since the last frame, as the pose says
     double timing_variance_rad2 = 0.0; // of this rotation, because the frame's time is not exactly the pose's
     Vec3 ahead;                        // unit direction of travel here, in the world
     // solved from the images
@@ -65,8 +71,19 @@ class Path {
     const Station& at(int frame) const { return stations_.at(frame); }
     Station& at(int frame) { return stations_.at(frame); }
 
+    // The camera rolls or rises: it is carried, and its poses come from a tracker.
+    bool tracked() const { return tracked_; }
+
     // Of one reading of the place beyond what is solved: what a tracker of a carried camera is worth.
     double place_sigma_cm() const { return tracked_ ? noise_.tracked_cm : 0.0; }
+
+    // Of the direction of the way between two frames.
+    double heading_variance(int a, int b) const {
+        return std::max(at(a).heading_variance_rad2, at(b).heading_variance_rad2);
+    }
+
+    // Of all lengths at once, relative: where odometry comes in steps.
+    void set_scale_sigma(double relative) { scale_sigma_ = relative; }
 
     // Of one rotation, whatever else is known.
     double least_turn_variance() const { return noise_.turn_rad * noise_.turn_rad; }
@@ -78,7 +95,8 @@ class Path {
     bool as_on_wheels(const Station& last, const Station& now) const;
 
     OdometryNoise noise_;
-    bool tracked_ = false;  // the camera rolls or rises: it is carried, and its poses come from a tracker
+    bool tracked_ = false;
+    double scale_sigma_ = 0.0;
     std::map<int, Station> stations_;
 };
 

@@ -40,6 +40,7 @@ struct View {
     Move move;              // from the present camera to it
     double travel;          // relative variance of the length of the move
     double turn_px2;        // variance of the shift of the image that the error of the rotation makes
+    double aside_px2;       // px^2 cm^2, over the square of the depth: likewise, of the direction of the move
 };
 
 // One vertex in one earlier frame.
@@ -167,7 +168,7 @@ class Triangulation {
                 n.gr += w * (xr * ex + yr * ey);
                 chi2 += w * (ex * ex + ey * ey);
                 travel += gain * o.view->travel;
-                turn += w * o.view->turn_px2;
+                turn += w * (o.view->turn_px2 + square(out.rho) * o.view->aside_px2);
             }
             std::array<double, 3> step;
             double variance = 0.0;
@@ -332,7 +333,8 @@ VertexDepths VertexMethod::update(const FrameView& frame, const Path& path, int 
         const Move m = path.move(present, kept_[k].frame);
         const double way = length(m.shift_cm);
         if (way < config_.min_step_cm) continue;
-        views.push_back({k, m, square(m.travel_sigma_cm / way), square(m.turn_sigma_rad * camera_.focal())});
+        views.push_back({k, m, square(m.travel_sigma_cm / way), square(m.turn_sigma_rad * camera_.focal()),
+                         square(m.heading_sigma_rad * way * camera_.focal())});
         if (way > farthest) farthest = way, ahead = (1 / way) * (transposed(m.turn) * m.shift_cm);
     }
 
