@@ -17,6 +17,7 @@ from rich.console import Console
 from rich.progress import track as progress
 
 NAV_LOOP = Path(__file__).resolve().parents[1] / "host" / "nav_loop.py"
+WALL = 20.0  # a slow or busy machine must not decide what comes out
 
 
 @dataclass(frozen=True)
@@ -34,7 +35,8 @@ class Drive:
             result = Path(folder) / "result.json"
             command = [
                 sys.executable, str(NAV_LOOP), "--no-view", "--camera", self.camera, "--robot", self.robot,
-                *self.task, "--max-time", str(self.max_time_s), "--json", str(result),
+                *self.task, "--max-time", str(self.max_time_s), "--max-wall", str(WALL * self.max_time_s),
+                "--json", str(result),
             ]  # fmt: skip
             # One thread each, so that as many drives as cores do not fight for them.
             alone = {**os.environ, "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
