@@ -32,7 +32,7 @@ def test_standing_is_no_reaction():
     assert pace.reaction_s == pytest.approx(0.14)
 
 
-@pytest.mark.parametrize("fps", [5, 15, 30, 60])
+@pytest.mark.parametrize("fps", [5, 60])
 def test_the_goal_is_reached_at_any_rate_of_pictures(fps: int):
     simulation = Simulation("sim:corridor?seed=5", fps=fps)
     log, _ = run(simulation, task=Route([(0.0, 90.0)]), max_time_s=30.0)
@@ -44,7 +44,7 @@ def test_the_goal_is_reached_at_any_rate_of_pictures(fps: int):
     assert stands(simulation)
 
 
-@pytest.mark.parametrize("work_ms", [30, 80, 250])
+@pytest.mark.parametrize("work_ms", [80, 250])
 def test_a_slow_machine_drives_as_safely_or_stands_and_says_why(work_ms: int):
     simulation = Simulation("sim:corridor?seed=5")
     log, _ = run(simulation, compute_s=1e-3 * work_ms, max_time_s=10.0)
@@ -56,7 +56,8 @@ def test_a_slow_machine_drives_as_safely_or_stands_and_says_why(work_ms: int):
     assert log.faults_cleared == 0  # never so slow that the robot has to stop itself
     if work_ms <= 80:
         assert simulation.body.distance_cm > 40.0 and log.refused_frames == 0
-        assert (log.dropped_frames > 25) == (work_ms > 1e3 / 15)
+        more_than_can_be_understood = max(0.0, 10.0 * 15 - 10e3 / work_ms)
+        assert abs(log.dropped_frames - more_than_can_be_understood) <= 5
         assert log.latency_ms.percentile(100) < work_ms + 1e3 / 15 + 5  # newest picture, never a queue
     else:
         assert simulation.body.distance_cm < 1.0
