@@ -48,7 +48,7 @@ def begin_command() -> None:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, _leave_early)
     packages = ("numpy", "cv2", "rich", "serial", "tyro")
-    modules = ("host.rbdn._core", "host.depth._depth", "host.sim._render", "host.sim._board")
+    modules = ("host.rbdn._core", "host.depth._depth", "host.nav._nav", "host.sim._render", "host.sim._board")
     # Looking for a module of ours imports the package around it, which needs the others.
     missing = [name for name in packages if find_spec(name) is None]
     missing = missing or [name for name in modules if find_spec(name) is None]
