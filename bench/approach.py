@@ -16,11 +16,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.console import Console
-from rich.table import Table
 
 from bench.drives import Drive, run_all
 from bench.figures_file import check_json, write_json
+from bench.figures_table import print_figures
 from bench.options import at_least
 from host.errors import run_command
 
@@ -102,23 +101,6 @@ ROWS = {
 }
 
 
-def print_table(figures: dict[str, dict[str, Any]]) -> None:
-    """One column for each distance, and one for all."""
-    table = Table(title=TITLE, title_justify="left")
-    table.add_column("")
-    for name in figures:
-        table.add_column(name, justify="right")
-    for key, name in ROWS.items():
-        table.add_row(name, *(_number(one[key]) for one in figures.values()))
-    Console().print(table)
-
-
-def _number(value: float | None) -> str:
-    if value is None:
-        return "-"
-    return str(value) if isinstance(value, int) else f"{value:.1f}"
-
-
 def main() -> None:
     """The command."""
     import tyro
@@ -132,7 +114,7 @@ def main() -> None:
     runs = [outcome_of(result, asked) for result, (_, asked) in zip(results, drives, strict=True)]
     figures = {f"{cm:g} cm": summary([one for one in runs if one.get("asked_cm") == cm]) for cm in ASKED_CM}
     figures["all"] = summary(runs)
-    print_table(figures)
+    print_figures(TITLE, ROWS, figures)
     for one in runs:
         if one["off_cm"] is None or abs(one["off_cm"]) > WITHIN_CM:
             off = "" if one["off_cm"] is None else f"{one['off_cm']:+.1f} cm: "

@@ -14,11 +14,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-from rich.table import Table
-
 from bench.drives import Drive, run_all
 from bench.figures_file import check_json, write_json
+from bench.figures_table import percent, print_figures
 from bench.options import at_least
 from host.errors import run_command
 
@@ -74,15 +72,11 @@ def summary(runs: list[dict[str, Any]]) -> dict[str, Any]:
     return {
         "runs": len(runs),
         "failed": len(runs) - len(ran),
-        "untouched_percent": _percent([one["collisions"] == 0 for one in ran]),
-        "not_run_into_percent": _percent([one["run_into"] == 0 for one in ran]),
-        "reached_percent": _percent([one["outcome"] == "goal" for one in ran]),
-        "gave_way_percent": _percent([one["gave_way"] for one in ran]),
+        "untouched_percent": percent([one["collisions"] == 0 for one in ran]),
+        "not_run_into_percent": percent([one["run_into"] == 0 for one in ran]),
+        "reached_percent": percent([one["outcome"] == "goal" for one in ran]),
+        "gave_way_percent": percent([one["gave_way"] for one in ran]),
     }
-
-
-def _percent(hits: list[bool]) -> float | None:
-    return 100 * sum(hits) / len(hits) if hits else None
 
 
 ROWS = {
@@ -93,23 +87,6 @@ ROWS = {
     "reached_percent": "goal reached, %",
     "gave_way_percent": "saw something move and said so, %",
 }
-
-
-def print_table(figures: dict[str, dict[str, Any]]) -> None:
-    """One column for each kind of world, and one for all."""
-    table = Table(title=TITLE, title_justify="left")
-    table.add_column("")
-    for name in figures:
-        table.add_column(name, justify="right")
-    for key, name in ROWS.items():
-        table.add_row(name, *(_number(one[key]) for one in figures.values()))
-    Console().print(table)
-
-
-def _number(value: float | None) -> str:
-    if value is None:
-        return "-"
-    return str(value) if isinstance(value, int) else f"{value:.1f}"
 
 
 def main() -> None:
@@ -124,7 +101,7 @@ def main() -> None:
     runs = [outcome_of(one) for one in run_all(drives_of(options), options.jobs, "crossing")]
     figures = {kind: summary([one for one in runs if f":{kind}?" in one["camera"]]) for kind in KINDS}
     figures["all"] = summary(runs)
-    print_table(figures)
+    print_figures(TITLE, ROWS, figures)
     for one in runs:
         if one["outcome"] != "goal" or one["collisions"] or one["run_into"]:
             touches = f"{one.get('collisions')} collisions, run into {one.get('run_into')} times"

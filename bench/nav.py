@@ -17,12 +17,11 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from rich.console import Console
-from rich.table import Table
 
 from bench import approach, movers
 from bench.drives import Drive, run_all
 from bench.figures_file import check_json, write_json
+from bench.figures_table import percent, print_figures
 from bench.options import at_least
 from host.errors import run_command
 from host.nav.stand import FARTHEST_DEPTH_CM, USABLE
@@ -100,7 +99,7 @@ def figures_of_worlds(drives: list[dict[str, Any]]) -> dict[str, Any]:
         "collisions": sum(one["collisions"] for one in drives),
         "closest_cm": min((one["min_clearance_cm"] for one in drives), default=None),
         "with_a_way": len(open_ways),
-        "reached_percent": _percent(one["outcome"] == "goal" for one in open_ways),
+        "reached_percent": percent(one["outcome"] == "goal" for one in open_ways),
         "seconds_median": _median(one["duration_s"] for one in open_ways if one["outcome"] == "goal"),
         "false_stops_per_50_m": 50 * false / metres if metres else None,
         "refused_frames": sum(one["refused_frames"] for one in drives),
@@ -123,9 +122,9 @@ def figures_of_depths(drives: list[dict[str, Any]]) -> dict[str, Any]:
     return {
         "depths": len(depths),
         "depth_median_percent": _median(error),
-        "depth_within_8_percent": _percent(error <= 8.0),
-        "depth_within_1_sigma_percent": _percent(pull <= 1),
-        "depth_within_2_sigma_percent": _percent(pull <= 2),
+        "depth_within_8_percent": percent(error <= 8.0),
+        "depth_within_1_sigma_percent": percent(pull <= 1),
+        "depth_within_2_sigma_percent": percent(pull <= 2),
     }
 
 
@@ -147,7 +146,7 @@ def figures_of_loops(drives: list[dict[str, Any]]) -> dict[str, Any]:
     ratios = [dead["position_cm"] / max(pose["position_cm"], 1e-3) for pose, dead in ends if pose and dead]
     return {
         "loops": len(drives),
-        "loops_done_percent": _percent(one["outcome"] == "goal" for one in drives),
+        "loops_done_percent": percent(one["outcome"] == "goal" for one in drives),
         "loop_metres": _median(one["true_distance_cm"] / 100 for one in drives),
         "loop_off_cm": _median(pose["position_cm"] for pose, _ in ends if pose),
         "loop_dead_reckoning_off_cm": _median(dead["position_cm"] for _, dead in ends if dead),
@@ -184,11 +183,6 @@ def _present(drives: list[dict[str, Any]], key: str) -> list[Any]:
 def _median(values: Iterable[float]) -> float | None:
     listed = list(values)
     return float(np.median(listed)) if listed else None
-
-
-def _percent(hits: Iterable[bool]) -> float | None:
-    listed = list(hits)
-    return 100 * float(np.mean(listed)) if listed else None
 
 
 # --- Table --------------------------------------------------------------------------------------------
@@ -229,28 +223,6 @@ HEADS = {
 }
 
 
-def print_table(figures: dict[str, dict[str, Any]], title: str) -> None:
-    """One column for each kind of world, and one for all."""
-    table = Table(title=title, title_justify="left")
-    table.add_column("")
-    for kind in figures:
-        table.add_column(kind, justify="right")
-    for key, name in ROWS.items():
-        if key not in figures["all"]:
-            continue
-        if key in HEADS and table.row_count:
-            table.add_section()
-            table.add_row(HEADS[key])
-        table.add_row(name, *(_number(one.get(key)) for one in figures.values()))
-    Console().print(table)
-
-
-def _number(value: float | None) -> str:
-    if value is None:
-        return "-"
-    return str(value) if isinstance(value, int) else f"{value:.1f}"
-
-
 def main() -> None:
     """The command."""
     import tyro
@@ -274,7 +246,8 @@ def main() -> None:
             mine = [one for one in ran if column == "all" or f":{column}?" in one["camera"]]
             figures[column] |= FIGURES[part](mine)
         _print_odd_ones(results)
-    print_table(figures, f"The main job in many worlds, {'plain' if options.plain else 'all models on'}")
+    title = f"The main job in many worlds, {'plain' if options.plain else 'all models on'}"
+    print_figures(title, ROWS, figures, HEADS)
     write_json(options.json, {"figures": figures, "drives": all_drives})
 
 
