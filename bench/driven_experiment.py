@@ -32,11 +32,11 @@ from host.link.robot import Robot
 from host.nav.config import BodyConfig
 from host.nav.drive import drive
 from host.nav.map import ObstacleMap
-from host.nav.odometry import WheelReading
+from host.nav.odometry import WheelReading, body_of
 from host.nav.pilot import Pilot, View
 from host.nav.result import DriveLog
-from host.nav.steer import Command, body_of, wrap
-from host.pose import Pose
+from host.nav.steer import Command
+from host.pose import Pose, wrap
 from host.sim.body import BodyModel
 from host.sim.render import WebcamModel
 from host.sim.scenes import ROUGH

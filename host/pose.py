@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
+
+AngleT = TypeVar("AngleT", float, np.ndarray)
 
 
 @dataclass(frozen=True)
@@ -31,3 +35,8 @@ class Pose:
         """``(R, t)`` with ``X_reference = R @ X_self + t``; t in cm."""
         back = reference.rotation.T
         return back @ self.rotation, back @ (self.position_cm - reference.position_cm)
+
+
+def wrap(angle: AngleT) -> AngleT:
+    """The same angle, or angles, within half a turn either way of 0."""
+    return (angle + math.pi) % (2 * math.pi) - math.pi

@@ -15,7 +15,7 @@ import numpy as np
 
 from host.depth.report import Correction, SolvedMotion
 from host.nav.odometry import Odometry, heading_of
-from host.pose import Pose
+from host.pose import Pose, wrap
 
 MOST_S = 0.08  # late or early
 GRID_S = np.linspace(-MOST_S, MOST_S, 41)
@@ -159,7 +159,7 @@ class Delay:
         turned = heading_of(now.pose) - heading_of(then.pose) + seen.yaw_rad
         turns, ways = now.headings - then.headings, now.ways - then.ways
         if np.ptp(turns) > LEAST_TURN_RAD:
-            off = (turned - turns + math.pi) % (2 * math.pi) - math.pi
+            off = wrap(turned - turns)
             cells = math.hypot(then.sigma_heading, now.sigma_heading)
             sigma = math.hypot(seen.sigma_yaw_rad, TURN_SIGMA_RAD, cells)
             wheels, share = self._wheels.expect(turned, float(ways.mean()))

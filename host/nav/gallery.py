@@ -10,10 +10,9 @@ import numpy as np
 
 from host.nav.config import BodyConfig
 from host.nav.map import ObstacleMap
-from host.nav.odometry import heading_of
+from host.nav.odometry import body_of, heading_of
 from host.nav.pilot import View
 from host.nav.result import DriveLog
-from host.nav.steer import body_of
 from host.record.atomic import write_whole
 from host.view.floor_picture import Floor, FloorObstacle, draw_floor
 from host.view.net_picture import draw_net

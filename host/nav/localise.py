@@ -17,8 +17,8 @@ from host.camera.lens import Lens
 from host.depth.report import DepthReport, SolvedMotion
 from host.nav.config import BodyConfig
 from host.nav.landmarks import CLEARLY, UNLIKE, Key, Look, Sighting, recognise, sightings_of
-from host.nav.odometry import heading_of
-from host.pose import Pose
+from host.nav.odometry import body_of, heading_of
+from host.pose import Pose, wrap
 from host.rbdn.snapshot import Snapshot
 
 # the robot's part of the state, BEFORE being its heading a moment ago; landmarks follow, x and z each
@@ -50,7 +50,6 @@ STEADY = 0.015  # rad by which it may be elsewhere from sighting to sighting mea
 NEAREST_CM = 5.0
 STRIKES = 6  # so many sightings in a row elsewhere, and it does not
 LEAST_NEAR = 1 / 450.0  # 1/cm: what is further away says too little
-WRAP = 2 * math.pi
 
 # a place found again from landmarks alone, wherever the robot may be
 SURELY_SEEN = 6  # sightings of each
@@ -160,11 +159,11 @@ class Localiser:
         before, self._odometry = self._odometry, odometry
         if before is None:
             self._smooth = odometry
-            self._mean[:OWN] = *_axle(odometry, self._ahead), 0.0, 0.0, 0.0
+            self._mean[:OWN] = *body_of(odometry, self._ahead), 0.0, 0.0, 0.0
             return odometry
         way, turn = _roll(before, odometry, self._ahead)
         dt = max(odometry.t_s - before.t_s, 1e-3)
-        x, z, heading = _axle(self._smooth, self._ahead)
+        x, z, heading = body_of(self._smooth, self._ahead)
         true_way, true_turn = self._as_learnt(way, turn)
         self._smooth = _camera((*_arc(x, z, heading, true_way, true_turn),), self._ahead, odometry)
         self._predict(way, turn)
@@ -256,7 +255,7 @@ class Localiser:
         heading = heading_of(self._smooth)
         seen = [c for c in motion.since if c.since_s == self._before_s] if motion is not None else []
         if seen and seen[0].sigma_yaw_rad < SEEN_TURN_SIGMA:
-            turned = (heading - self._before_smooth + math.pi) % WRAP - math.pi
+            turned = wrap(heading - self._before_smooth)
             news = turned + seen[0].yaw_rad - (m[HEADING] - m[BEFORE])
             noise = (SEEN_TURN_RAD**2 + seen[0].sigma_yaw_rad ** 2) + (SEEN_TURN_SHARE * turned) ** 2
             ph = p[:, HEADING] - p[:, BEFORE]
@@ -566,12 +565,6 @@ def _regions(key: Key) -> tuple[int, ...]:
     return key if isinstance(key, tuple) else (key,)
 
 
-def _axle(camera: Pose, ahead_cm: float) -> tuple[float, float, float]:
-    heading = heading_of(camera)
-    x, _, z = camera.position_cm
-    return float(x) - ahead_cm * math.sin(heading), float(z) - ahead_cm * math.cos(heading), heading
-
-
 def _camera(axle: tuple[float, float, float], ahead_cm: float, like: Pose) -> Pose:
     x, z, heading = (float(v) for v in axle)
     return Pose.planar(
@@ -586,9 +579,9 @@ def _camera(axle: tuple[float, float, float], ahead_cm: float, like: Pose) -> Po
 
 def _roll(before: Pose, after: Pose, ahead_cm: float) -> tuple[float, float]:
     """(way of the axle's middle in cm, turn in rad) between two poses of a rolling robot."""
-    xa, za, ha = _axle(before, ahead_cm)
-    xb, zb, hb = _axle(after, ahead_cm)
-    turn = (hb - ha + math.pi) % WRAP - math.pi
+    xa, za, ha = body_of(before, ahead_cm)
+    xb, zb, hb = body_of(after, ahead_cm)
+    turn = wrap(hb - ha)
     middle = ha + turn / 2
     chord = (xb - xa) * math.sin(middle) + (zb - za) * math.cos(middle)
     return chord, turn

@@ -449,3 +449,10 @@ class Odometry:
 def heading_of(pose: Pose) -> float:
     """Planar heading of a pose, rad, positive to the right."""
     return math.atan2(pose.rotation[0, 2], pose.rotation[2, 2])
+
+
+def body_of(camera: Pose, ahead_cm: float) -> tuple[float, float, float]:
+    """(x, z, heading) of the axle's middle behind a camera pose."""
+    heading = heading_of(camera)
+    x, z = float(camera.position_cm[0]), float(camera.position_cm[2])
+    return x - ahead_cm * math.sin(heading), z - ahead_cm * math.cos(heading), heading

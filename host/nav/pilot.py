@@ -19,8 +19,8 @@ from host.nav.config import BodyConfig, NavConfig
 from host.nav.delay import Delay
 from host.nav.localise import Localiser
 from host.nav.map import ObstacleMap
-from host.nav.odometry import Odometry
-from host.nav.steer import Command, body_of
+from host.nav.odometry import Odometry, body_of
+from host.nav.steer import Command
 from host.nav.task import Task
 from host.pose import Pose
 from host.rbdn import Net, NetConfig, Snapshot

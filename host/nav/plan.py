@@ -14,6 +14,7 @@ import numpy as np
 
 from host.nav import _nav
 from host.nav.map import ObstacleMap
+from host.pose import wrap
 
 UNKNOWN_COST = 3.0  # where the robot would stand on floor not seen yet costs this many free cells
 CROWDED_COST = 3.0  # extra for a cell at the hard limit, falling to nothing at the comfortable distance
@@ -95,7 +96,7 @@ def _terrain(
     near = _window(obstacle_map, start, TURN_CM)
     dx = obstacle_map.centres_cm[near[1]][None, :] - start_cm[0]
     dz = obstacle_map.centres_cm[near[0]][:, None] - start_cm[1]
-    aside = np.abs((np.arctan2(dx, dz) - heading_rad + math.pi) % (2 * math.pi) - math.pi)
+    aside = np.abs(wrap(np.arctan2(dx, dz) - heading_rad))
     cost[near] += np.where(np.hypot(dx, dz) < TURN_CM, TURN_COST * aside / math.pi, 0.0)
 
     here = _window(obstacle_map, start, body.radius_cm)
@@ -150,14 +151,14 @@ def _fits(obstacle_map: ObstacleMap, room: Room, way: Way) -> bool:
     legs = (points[None, :-1] + LEGS * (points[None, 1:] - points[None, :-1])).reshape(-1, 2)
     legs = legs[np.hypot(*(legs - points[0]).T) > obstacle_map.body.radius_cm]
     least = tightest(obstacle_map) - obstacle_map.config.cell_cm / 2
-    return bool((room_at(obstacle_map, room.to_filled, legs) >= least).all())
+    return bool((at_points(obstacle_map, room.to_filled, legs) >= least).all())
 
 
-def room_at(obstacle_map: ObstacleMap, distances: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """(K,) of one of a room's distances (N, N) at points (K, 2)."""
+def at_points(obstacle_map: ObstacleMap, layer: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """(K,) of what lies over the map's cells, (N, N), at points (K, 2)."""
     cells = np.floor((points + obstacle_map.half_cm) / obstacle_map.config.cell_cm).astype(int)
-    cells = np.clip(cells, 0, len(distances) - 1)
-    return distances[cells[:, 1], cells[:, 0]]
+    cells = np.clip(cells, 0, len(layer) - 1)
+    return layer[cells[:, 1], cells[:, 0]]
 
 
 def _search(

@@ -20,8 +20,7 @@ import numpy as np
 from host.camera.lens import Lens
 from host.nav.odometry import heading_of
 from host.nav.pilot import View
-from host.nav.steer import wrap
-from host.pose import Pose
+from host.pose import Pose, wrap
 from host.rbdn import Contour, Region
 
 LEAST_POINTS = 6

@@ -10,19 +10,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TypeVar
 
 import numpy as np
 
 from host.nav import _nav
 from host.nav.config import NavConfig
 from host.nav.map import FREE, OCCUPIED, Obstacle, ObstacleMap
-from host.nav.odometry import heading_of
-from host.nav.plan import Room, Way, find_way, room_around, room_at, tightest
+from host.nav.odometry import body_of
+from host.nav.plan import Room, Way, at_points, find_way, room_around, tightest
 from host.nav.yielding import BACK_CM_S, BERTH_CM, nearest_threat
-from host.pose import Pose
-
-AngleT = TypeVar("AngleT", float, np.ndarray)
+from host.pose import Pose, wrap
 
 PLAN_EVERY_S = 0.5
 KEEP_WAY_S = 2.0  # a way that is still open is followed for so long before a better one is looked for
@@ -98,13 +95,6 @@ class Ahead:
 
     def __str__(self) -> str:
         return "the edge of the map" if self.edge else str(self.obstacle or "something remembered")
-
-
-def body_of(camera: Pose, ahead_cm: float) -> tuple[float, float, float]:
-    """(x, z, heading) of the axle's middle behind a camera pose."""
-    heading = heading_of(camera)
-    x, z = float(camera.position_cm[0]), float(camera.position_cm[2])
-    return x - ahead_cm * math.sin(heading), z - ahead_cm * math.cos(heading), heading
 
 
 def look_ahead(
@@ -324,8 +314,8 @@ def _time_of(obstacle_map: ObstacleMap, room: Room, heading: float, way: Way) ->
     out = points[min(int(np.searchsorted(legs_cm.cumsum(), SETS_OUT_CM)) + 1, len(points) - 1)]
     turn = abs(wrap(_bearing((points[0, 0], points[0, 1]), (out[0], out[1])) - heading))
     middles = (points[1:] + points[:-1]) / 2
-    unseen = room_at(obstacle_map, room.to_unseen, middles) < obstacle_map.body.radius_cm
-    snug = room_at(obstacle_map, room.to_filled, middles) < tightest(obstacle_map) + config.comfort_cm / 2
+    unseen = at_points(obstacle_map, room.to_unseen, middles) < obstacle_map.body.radius_cm
+    snug = at_points(obstacle_map, room.to_filled, middles) < tightest(obstacle_map) + config.comfort_cm / 2
     speed_cm_s = np.where(unseen | snug, config.creep_cm_s, config.speed_cm_s)
     return float((legs_cm / speed_cm_s).sum()) + turn / config.turn_rad_s
 
@@ -341,7 +331,7 @@ def _rest_of(plan: Plan, obstacle_map: ObstacleMap, room: Room, here) -> Way | N
     if len(rest) == 0 or away[nearest] > 4 * obstacle_map.config.cell_cm:
         return None
     far = away[nearest + 1 :] > obstacle_map.body.radius_cm
-    if not (room_at(obstacle_map, room.to_filled, rest[far]) >= tightest(obstacle_map)).all():
+    if not (at_points(obstacle_map, room.to_filled, rest[far]) >= tightest(obstacle_map)).all():
         return None
     return Way((here, *((px, pz) for px, pz in rest.tolist())), True)
 
@@ -449,8 +439,3 @@ def _look_around(
 def _bearing(start: tuple[float, float], end: tuple[float, float]) -> float:
     """Heading from one point (x, z) to another, rad."""
     return math.atan2(end[0] - start[0], end[1] - start[1])
-
-
-def wrap(angle: AngleT) -> AngleT:
-    """The same angle, or angles, within half a turn either way of 0."""
-    return (angle + math.pi) % (2 * math.pi) - math.pi

@@ -14,7 +14,8 @@ import numpy as np
 
 from host.nav.front import Met, Profile
 from host.nav.map import Obstacle, ObstacleMap
-from host.nav.plan import room_around, tightest
+from host.nav.odometry import body_of
+from host.nav.plan import at_points, room_around, tightest
 from host.nav.stand import AT_BORDER
 from host.nav.steer import (
     FIRST_CM,
@@ -23,15 +24,13 @@ from host.nav.steer import (
     Command,
     Plan,
     Wait,
-    body_of,
     brakeable_cm_s,
     decide,
     give_way,
     look_ahead,
     speed_ahead,
-    wrap,
 )
-from host.pose import Pose
+from host.pose import Pose, wrap
 
 FRONTIER_CELLS = 6  # fewer at a place are gaps between pixels, not a part of the room
 NEAR_CM = 25.0  # frontiers nearer than this are below the camera's view
@@ -175,8 +174,7 @@ def _others_within(border: np.ndarray, points: np.ndarray, obstacle_map: Obstacl
     """(K,) how many cells of a border (N, N) lie about each of its points."""
     side = 2 * math.ceil(GAIN_CM / obstacle_map.config.cell_cm) + 1
     around = cv2.boxFilter(border.astype(np.float32), -1, (side, side), normalize=False)
-    cells = np.floor((points + obstacle_map.half_cm) / obstacle_map.config.cell_cm).astype(int)
-    return around[cells[:, 1], cells[:, 0]]
+    return at_points(obstacle_map, around, points)
 
 
 class Approach:

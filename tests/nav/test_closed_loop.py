@@ -7,8 +7,8 @@ from planar_world import LENS, Box, PlanarWorld, Shuttle, random_boxes
 
 from host.nav.config import NavConfig
 from host.nav.map import ObstacleMap
-from host.nav.odometry import Odometry, WheelReading
-from host.nav.steer import Command, Plan, body_of, decide
+from host.nav.odometry import Odometry, WheelReading, body_of
+from host.nav.steer import Command, Plan, decide
 
 
 def drive(world: PlanarWorld, goal_cm: tuple[float, float], max_s: float) -> tuple[Command, list[str]]:

@@ -18,9 +18,8 @@ from host.nav.drive import drive
 from host.nav.localise import Localiser
 from host.nav.odometry import advance, heading_of
 from host.nav.pilot import Pilot
-from host.nav.steer import wrap
 from host.nav.task import Route
-from host.pose import Pose
+from host.pose import Pose, wrap
 from host.rbdn import NetConfig
 from host.rbdn.snapshot import OUTSIDE, Contour, Region, Snapshot, Vertices
 from host.sim.body import BodyModel

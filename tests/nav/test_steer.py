@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from host.nav.config import BodyConfig, NavConfig
 from host.nav.map import FREE, LIMIT, Obstacle, ObstacleMap
-from host.nav.odometry import heading_of
+from host.nav.odometry import body_of, heading_of
 from host.nav.plan import find_way, room_around
-from host.nav.steer import Plan, body_of, decide, look_ahead, speed_ahead
+from host.nav.steer import Plan, decide, look_ahead, speed_ahead
 from host.pose import Pose
 
 BODY, CONFIG = BodyConfig(), NavConfig()
