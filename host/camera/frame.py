@@ -17,6 +17,7 @@ class Frame:
     image: np.ndarray  # (H, W, 3) uint8, BGR as OpenCV has it
     t_s: float  # capture time on the host's clock
     seq: int  # counts every frame the camera took, also those dropped
+    encoded: bytes | None = None  # the camera's own JPEG, of which image is exactly what cv2.imdecode makes
 
 
 class FrameSource(Protocol):

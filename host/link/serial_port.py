@@ -7,6 +7,7 @@ import errno
 import getpass
 import os
 import termios
+import threading
 
 import serial
 
@@ -21,6 +22,8 @@ WRITE_TIMEOUT_S = 0.1  # a frame takes 1 ms; a line blocked for longer is a brok
 class SerialPort:
     """Transport over a serial port such as ``/dev/ttyACM0``, at the protocol's 250000 baud.
 
+    Any thread may write, so that a stop need not wait for the one that drives; only one may read.
+
     Raises
     ------
     DeviceError
@@ -29,6 +32,7 @@ class SerialPort:
 
     def __init__(self, path: str) -> None:
         self._path = path
+        self._writing = threading.Lock()
         try:
             self._port = serial.Serial(path, BAUD, timeout=0, write_timeout=WRITE_TIMEOUT_S, exclusive=True)
         except (ValueError, *LINE_ERRORS) as error:
@@ -42,7 +46,8 @@ class SerialPort:
     def write(self, data: bytes) -> None:
         """Send all of `data`."""
         try:
-            self._port.write(data)
+            with self._writing:
+                self._port.write(data)
         except serial.SerialTimeoutException:
             raise DeviceError(f"{self._path} takes no more bytes: check the cable, then reconnect") from None
         except LINE_ERRORS as error:
@@ -57,7 +62,7 @@ class SerialPort:
 
     def close(self) -> None:
         """Close the port."""
-        with contextlib.suppress(*LINE_ERRORS):  # one that is gone is as good as closed
+        with self._writing, contextlib.suppress(*LINE_ERRORS):  # one that is gone is as good as closed
             self._port.close()
 
     def _lost(self, error: Exception) -> DeviceError:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from enum import IntEnum
 
 from host.errors import DeviceError
@@ -122,16 +123,21 @@ class Board:
 
 
 class Line:
-    """The serial line to a board, as ``host.link.robot.Robot`` wants its transport."""
+    """The serial line to a board, as ``host.link.robot.Robot`` wants its transport.
+
+    Any thread may write, also while another lets time pass.
+    """
 
     def __init__(self, board: Board) -> None:
         self._board = board
+        self._writing = threading.Lock()
         self._plugged = True
 
     def write(self, data: bytes) -> None:
         """Send all of `data`; DeviceError when the line is unplugged."""
-        self._check()
-        self._board.write(data)
+        with self._writing:
+            self._check()
+            self._board.write(data)
 
     def read(self) -> bytes:
         """What has arrived since the last call; DeviceError when the line is unplugged."""
@@ -140,7 +146,8 @@ class Line:
 
     def close(self) -> None:
         """Unplug: the board hears nothing more from here, and is heard no more."""
-        self._plugged = False
+        with self._writing:
+            self._plugged = False
 
     def _check(self) -> None:
         if not self._plugged:

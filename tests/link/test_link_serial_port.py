@@ -7,6 +7,7 @@ import errno
 import getpass
 import os
 import termios
+import threading
 import time
 import tty
 from pathlib import Path
@@ -132,4 +133,23 @@ def test_a_line_that_takes_nothing_more_is_not_waited_for(line):
         for _ in range(100):
             port.write(b"\x55" * 4096)
     assert time.monotonic() - began_s < 1
+    port.close()
+
+
+def test_two_threads_may_write_and_neither_breaks_into_the_others_bytes(line):
+    far, path = line
+    port = SerialPort(path)
+    pieces = {b"a" * 3000, b"b" * 3000}
+    writers = [
+        threading.Thread(target=lambda piece=piece: [port.write(piece) for _ in range(20)])
+        for piece in pieces
+    ]
+    for writer in writers:
+        writer.start()
+    received = b""
+    while len(received) < 2 * 20 * 3000:
+        received += os.read(far, 65536)
+    for writer in writers:
+        writer.join()
+    assert {received[k : k + 3000] for k in range(0, len(received), 3000)} == pieces
     port.close()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import random
 import struct
+import threading
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -219,6 +220,7 @@ class AvrBoard:
             self._c.rig_bootloader(self._rig, address, code, len(code))
         self._bytes = self._ffi.new("uint8_t[]", 4096)
         self._time_us = 0
+        self._running = threading.Lock()  # the library runs without the interpreter's own lock
 
     # --- Time -----------------------------------------------------------------------------------
 
@@ -232,14 +234,17 @@ class AvrBoard:
         if us < 0:
             raise ValueError(f"time does not go back: step({us})")
         self._time_us += us
-        if self._c.rig_run_to(self._rig, self._time_us * CYCLES_PER_US):
+        with self._running:
+            crashed = self._c.rig_run_to(self._rig, self._time_us * CYCLES_PER_US)
+        if crashed:
             raise DeviceError(f"the simulated ATmega crashed by {self._time_us} us: a fault of its firmware")
 
     # --- Serial line ----------------------------------------------------------------------------
 
     def write(self, data: bytes) -> None:
         """Queue bytes on the line to the board; the first arrives 40 us after the last one queued before."""
-        self._c.rig_write(self._rig, data, len(data))
+        with self._running:
+            self._c.rig_write(self._rig, data, len(data))
 
     def read(self) -> bytes:
         """Bytes that have arrived from the board since the last call."""
