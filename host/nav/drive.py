@@ -199,7 +199,7 @@ class _Trip:
             )
         back = self.robot.reconnect()
         if back.restarted:
-            self.pilot.odometry.restart()
+            self.pilot.restarted()
         t_s = self.clock.now_s() - self.begin_s
         log.reconnections.append(LostAndFound(round(t_s, 3), round(back.away_s, 3), back.restarted, back.why))
         log.decide(t_s, 0.0, 0.0, f"stop: {back}")
@@ -259,7 +259,7 @@ class _Trip:
         """Wheel readings into the odometry; a robot that stopped itself is asked why."""
         for report in self.robot.poll():
             t_s = self.robot.host_time_s(report.mcu_time_us)
-            self.pilot.odometry.add(WheelReading.of(report, t_s))
+            self.pilot.hear(WheelReading.of(report, t_s))
         latest, now_s = self.robot.latest, self.clock.now_s()
         if latest is None or latest.state != State.FAULT or now_s - self.cleared_s < CLEARS_IN_S:
             return
@@ -286,7 +286,7 @@ class _Trip:
             self.clock.sleep_s(LISTEN_S)
             for report in self.robot.poll():
                 t_s = self.robot.host_time_s(report.mcu_time_us)
-                self.pilot.odometry.add(WheelReading.of(report, t_s))
+                self.pilot.hear(WheelReading.of(report, t_s))
         self.seeing_s = self.picture_s = self.clock.now_s()
 
     def _deaf(self) -> str | None:

@@ -19,7 +19,7 @@ from host.nav.config import BodyConfig, NavConfig
 from host.nav.delay import Delay
 from host.nav.localise import Localiser
 from host.nav.map import ObstacleMap
-from host.nav.odometry import Odometry, body_of
+from host.nav.odometry import Odometry, WheelReading, body_of
 from host.nav.steer import Command
 from host.nav.task import Task
 from host.pose import Pose
@@ -59,7 +59,9 @@ class Stages:
 class Pilot:
     """Sees, remembers and decides; touches neither camera nor robot.
 
-    Feed ``odometry`` with every wheel reading, then call ``take`` for each frame that may be driven on.
+    Let it ``hear`` every wheel reading, then call ``take`` for each frame that may be driven on. All that it
+    makes follows from these calls and from those of ``decide``, ``react_within``, ``restarted`` and
+    ``forget``: the same ones on another pilot give the same commands to the bit.
     """
 
     def __init__(
@@ -81,6 +83,14 @@ class Pilot:
         self._net = Net(net, lens)
         self._depth = Estimator(lens, depth)
         self._last_rotation: np.ndarray | None = None
+
+    def hear(self, reading: WheelReading) -> None:
+        """Take one wheel reading; readings out of order are ignored."""
+        self.odometry.add(reading)
+
+    def restarted(self) -> None:
+        """The robot restarted, and its counts begin at zero again."""
+        self.odometry.restart()
 
     def take(self, frame: Frame, now_s: float) -> View:
         """Make a command of one frame; the decision is for ``now_s``, when the robot is further on."""
