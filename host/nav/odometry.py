@@ -162,14 +162,6 @@ class Trail:
         )
         return _Node(t_s, before.left_cm + left, before.right_cm + right, x, z, heading, after.ratio)
 
-    def turned_and_rolled(self, times_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Heading and mean travel of both wheels, both (N,); the oldest and the newest beyond the ends."""
-        first = max(0, bisect_right(self._times, float(times_s.min())) - 1)
-        nodes = self._nodes[first:]
-        rows = np.array([(n.t_s, n.heading, n.left_cm + n.right_cm) for n in nodes])
-        rows[0, 0] = max(rows[0, 0], -1e9)
-        return np.interp(times_s, rows[:, 0], rows[:, 1]), np.interp(times_s, rows[:, 0], 0.5 * rows[:, 2])
-
     def forget(self, t_s: float) -> None:
         """Nobody will ask for times before this one."""
         keep = max(0, bisect_right(self._times, t_s) - 1)
@@ -372,22 +364,6 @@ class Odometry:
             sigma_z_cm=math.hypot(both / 2, self._start_sigma_cm),
             sigma_rot_rad=math.sqrt(2) * both / self._body.track_cm,
         )
-
-    @property
-    def settled_s(self) -> float:
-        """Up to here no later reading changes the path."""
-        return self._learnt.last.t_s
-
-    def cell_sigmas(self, t_s: float) -> tuple[float, float]:
-        """Standard errors of (way in cm, heading in rad): what the wheels' cells leave open at a time."""
-        if self._left is None or self._right is None:
-            return 0.0, 0.0
-        both = math.hypot(self._left.sigma(t_s), self._right.sigma(t_s))
-        return both / 2, both / self._body.track_cm
-
-    def turned_and_rolled(self, times_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(heading in rad, way of the axle in cm, back again counting less), both (N,), at settled times."""
-        return self._learnt.turned_and_rolled(times_s)
 
     def dead_reckoning_at(self, t_s: float) -> Pose:
         """The same with the wheels as they were configured, whatever was learnt of them since."""

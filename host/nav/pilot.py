@@ -16,7 +16,6 @@ from host.depth.config import DepthConfig
 from host.depth.estimator import Estimator
 from host.depth.report import DepthReport
 from host.nav.config import BodyConfig, NavConfig
-from host.nav.delay import Delay
 from host.nav.localise import Localiser
 from host.nav.map import ObstacleMap
 from host.nav.odometry import Odometry, WheelReading, body_of
@@ -75,7 +74,6 @@ class Pilot:
         nav: NavConfig,
     ) -> None:
         self.odometry = Odometry(body)
-        self.delay = Delay()
         self.localiser = Localiser(body, lens)
         self.map = ObstacleMap(body, nav)
         self._lens, self._task, self._body = lens, task, body
@@ -95,7 +93,6 @@ class Pilot:
     def take(self, frame: Frame, now_s: float) -> View:
         """Make a command of one frame; the decision is for ``now_s``, when the robot is further on."""
         stages = Stages()
-        # the delay is only watched: in rendered drives what is learnt of it is further off than none at all
         odometry = self.odometry.pose_at(frame.t_s)
         with stages.of("localise"):
             smooth = self.localiser.move(odometry)
@@ -104,7 +101,6 @@ class Pilot:
         with stages.of("depth"):
             depths = self._depth.update(snapshot, smooth)
         with stages.of("localise"):
-            self.delay.learn(frame.t_s, smooth, depths.motion, self.odometry)
             pose = self.localiser.update(snapshot, depths)
             self._move_map()
             here = self.localiser.ahead_of(self.odometry.pose_at(now_s))
