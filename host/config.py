@@ -1,8 +1,8 @@
 """The rooms' settings in one place: from robot.toml, from the command line, and back to text.
 
-Each room keeps its own frozen dataclass, with a comment to every field and its range checked in
-``__post_init__`` (ValueError). Adding a field there is all it takes; ``python -m host.config > robot.toml``
-then brings the file up to date.
+Each room keeps its own frozen dataclass, with a comment to every field and every number's range checked by
+``host.ranges`` in ``__post_init__`` (ValueError that begins with the key). Adding a field there is all it
+takes; ``python -m host.config > robot.toml`` then brings the file up to date.
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ import functools
 import inspect
 import io
 import json
-import math
 import re
 import sys
 import tomllib
@@ -59,7 +58,8 @@ def read_config(path: Path) -> Config:
         naming the file and the line or key that cannot be followed.
     """
     try:
-        tables = tomllib.loads(path.read_text(encoding="utf-8"))
+        text = path.read_text(encoding="utf-8")
+        tables = tomllib.loads(text)
     except FileNotFoundError as error:
         raise UsageError(f"{path}: no such configuration file; check --config") from error
     except OSError as error:
@@ -68,13 +68,17 @@ def read_config(path: Path) -> Config:
         raise UsageError(f"{path}: is not text; it must be TOML in UTF-8") from error
     except tomllib.TOMLDecodeError as error:
         raise UsageError(f"{path}: not valid TOML: {error}; correct it there") from error
+    except (RecursionError, ValueError) as error:  # lists in lists in lists; a number of thousands of digits
+        raise UsageError(f"{path}: no robot has such settings; 'python -m host.config' shows some") from error
     for name, table in tables.items():
         if name not in SECTIONS:
             what = f"section [{name}]" if isinstance(table, dict) else f"key {name} outside any section"
-            raise UsageError(f"{path}: unknown {what}; {_nearest(name, SECTIONS, 'the sections are')}")
+            nearest = _nearest(name, SECTIONS, "the sections are")
+            raise UsageError(f"{_place(path, text, name)}: unknown {what}; {nearest}")
         if not isinstance(table, dict):
-            raise UsageError(f"{path}: {name} must be a section; write [{name}] and its keys below")
-    return Config(**{name: _section(path, name, tables[name]) for name in tables})
+            place = _place(path, text, name)
+            raise UsageError(f"{place}: {name} must be a section; write [{name}] and its keys below")
+    return Config(**{name: _section(path, text, name, tables[name]) for name in tables})
 
 
 def config_text(config: Config) -> str:
@@ -89,11 +93,25 @@ def config_text(config: Config) -> str:
     return "".join(parts)
 
 
+def changed_settings(config: Config) -> dict[str, dict[str, Any]]:
+    """By section, the settings that differ from their defaults."""
+    default = Config()
+    changed = {
+        section: {
+            key: value
+            for key, value in dataclasses.asdict(getattr(config, section)).items()
+            if value != getattr(getattr(default, section), key)
+        }
+        for section in SECTIONS
+    }
+    return {section: values for section, values in changed.items() if values}
+
+
 def read_command_line(kind: type[Options], arguments: list[str] | None = None) -> tuple[Options, Config]:
     """Parse a command's own options, and with them any setting as ``--section.key VALUE``.
 
     Settings come from ``--config FILE``, else from robot.toml in the working directory if there is one,
-    else from the defaults; those on the command line win.
+    else from the defaults; those on the command line win. ``--dump-config`` prints them and ends the command.
 
     Parameters
     ----------
@@ -107,7 +125,7 @@ def read_command_line(kind: type[Options], arguments: list[str] | None = None) -
     UsageError
         in one line, with the nearest name where one is misspelt.
     SystemExit
-        after ``--help``.
+        after ``--help`` and ``--dump-config``.
     """
     import tyro  # here, so that reading a configuration does not need it
 
@@ -115,14 +133,19 @@ def read_command_line(kind: type[Options], arguments: list[str] | None = None) -
     path = _config_file(arguments)
     settings = read_config(path) if path is not None else Config()
     file_help = f"settings to use instead of those in {DEFAULT_FILE} in the working directory"
+    dump_help = "only print the settings in force, as such a file"
+    dump = tyro.conf.arg(help=dump_help)
     parts: list[Any] = [
         *_option_fields(kind),
         ("config", typing.Annotated[Path | None, tyro.conf.arg(metavar="PATH", help=file_help)], None),
+        ("dump_config", typing.Annotated[tyro.conf.FlagCreatePairsOff[bool], dump], False),
         *((name, section, field(default=getattr(settings, name))) for name, section in SECTIONS.items()),
     ]
     parsed = _parse(kind, parts, arguments, _program())
     config = Config(**{name: getattr(parsed, name) for name in SECTIONS})
-    _check_finite(config)
+    if parsed.dump_config:
+        print(config_text(config), end="")
+        sys.exit()
     return _options_of(kind, parsed), config
 
 
@@ -188,27 +211,46 @@ def _config_file(arguments: list[str]) -> Path | None:
     return DEFAULT_FILE if DEFAULT_FILE.is_file() else None
 
 
-def _section(path: Path, section: str, table: dict[str, Any]) -> Any:
+def _section(path: Path, text: str, section: str, table: dict[str, Any]) -> Any:
     kind = SECTIONS[section]
     types = typing.get_type_hints(kind)
     for key, value in table.items():
+        place = _place(path, text, section, key)
         if key not in types:
             nearest = _nearest(key, types, f"the keys of [{section}] are")
-            raise UsageError(f"{path}: unknown key {section}.{key}; {nearest}")
+            raise UsageError(f"{place}: unknown key {section}.{key}; {nearest}")
         if not _fits(value, types[key]):
             raise UsageError(
-                f"{path}: {section}.{key} = {_brief(value)} is not {_kind_name(types[key])}; correct it"
+                f"{place}: {section}.{key} = {_brief(value)} is not {_kind_name(types[key])}; correct it"
             )
     values = {key: types[key](value) if types[key] in (int, float) else value for key, value in table.items()}
     try:
         return kind(**values)
     except ValueError as error:
-        raise UsageError(f"{path}: section [{section}]: {error}; correct its value") from error
+        place = _place(path, text, section, str(error).split()[0])
+        raise UsageError(f"{place}: {section}.{error}; correct it") from error
+
+
+def _place(path: Path, text: str, section: str, key: str | None = None) -> str:
+    """The file, and the line in it where a section, or a key of one, is written; if it is found."""
+    inside: str | None = None
+    for number, line in enumerate(text.splitlines(), 1):
+        head = re.match(r"""\s*\[+\s*["']?([\w-]+)""", line)
+        name = re.match(r"""\s*["']?([\w-]+)["']?\s*[=.]""", line)
+        inside = head[1] if head else inside
+        written = (inside, name[1]) if name else (inside, None) if head else None
+        if written == (section, key) or (key is None and written == (None, section)):
+            return f"{path}: line {number}"
+    return str(path)
 
 
 def _fits(value: Any, kind: Any) -> bool:
     if kind is float:
-        return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+        return (
+            isinstance(value, int | float)
+            and not isinstance(value, bool)
+            and abs(value) <= sys.float_info.max
+        )
     if kind is int:
         return isinstance(value, int) and not isinstance(value, bool)
     if typing.get_origin(kind) is typing.Literal:
@@ -221,13 +263,6 @@ def _kind_name(kind: Any) -> str:
         return "one of " + ", ".join(map(repr, typing.get_args(kind)))
     names = {int: "a whole number", float: "a finite number", bool: "true or false", str: "a text in quotes"}
     return names[kind]
-
-
-def _check_finite(config: Config) -> None:
-    for section in SECTIONS:
-        for key, value in dataclasses.asdict(getattr(config, section)).items():
-            if isinstance(value, float) and not math.isfinite(value):
-                raise UsageError(f"--{section}.{key.replace('_', '-')}: {value} is not finite; give a number")
 
 
 def _nearest(name: str, known: typing.Iterable[str], otherwise: str) -> str:
@@ -272,6 +307,9 @@ def _one_line(box: str) -> str:
     text = re.split(r" For full helptext| Argument helptext", text)[0]
     problem, _, suggestions = text.partition(" Perhaps you meant:")
     problem = problem.removeprefix("Error parsing ").removesuffix(".")
+    section, colon, setting = problem.partition(": ")
+    if colon and section in SECTIONS:
+        problem = f"{section}.{setting}"  # said by the section's own check, beginning with the key
     nearest = re.findall(r"--[\w.-]+", suggestions)
     remedy = f"did you mean {nearest[0]}?" if nearest else "see --help"
     return f"{problem}; {remedy}" if problem else "the command line makes no sense; see --help"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
 import typing
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +14,14 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from host.config import SECTIONS, Config, config_text, read_command_line, read_config
+from host.config import (
+    SECTIONS,
+    Config,
+    changed_settings,
+    config_text,
+    read_command_line,
+    read_config,
+)
 from host.errors import UsageError
 from host.nav.config import NavConfig
 from host.rbdn.config import NetConfig
@@ -45,29 +53,107 @@ def test_every_setting_is_explained_in_the_file(section: str, key: str):
     assert len(f"{above} {beside}".split()) >= 2
 
 
-def near(value: float | int | str, kind: Any) -> st.SearchStrategy:
-    """Values close enough to a default to stay in its range."""
+def range_of(section: str, key: str) -> tuple[float, float] | None:
+    """As the refusal of a value far beyond tells it; None for what is no number."""
+    default = getattr(Config(), section)
+    value = getattr(default, key)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    far = 10**12 if isinstance(value, int) else 1e12
+    with pytest.raises(ValueError) as error:
+        dataclasses.replace(default, **{key: far})
+    told = re.fullmatch(rf"{key} = \S+ is outside (\S+) to (\S+)", str(error.value))
+    assert told, f"{section}.{key}: {error.value!r} does not name key, value and range"
+    return float(told[1]), float(told[2])
+
+
+RANGES = {(section, key): range_of(section, key) for section, key in EVERY_KEY}
+
+
+@pytest.mark.parametrize(("section", "key"), [where for where, limits in RANGES.items() if limits])
+def test_every_number_is_held_to_a_range_that_holds_its_default(section: str, key: str):
+    default = getattr(Config(), section)
+    low, high = RANGES[section, key] or (0, 0)
+    kind = type(getattr(default, key))
+    assert low <= getattr(default, key) <= high
+    for wrong in (low - 1, high + 1, *((math.nan, math.inf, -math.inf) if kind is float else ())):
+        with pytest.raises(ValueError, match=rf"^{key} = "):
+            dataclasses.replace(default, **{key: kind(wrong)})
+    for end in (low, high):
+        try:
+            dataclasses.replace(default, **{key: kind(end)})
+        except ValueError as error:  # two settings that do not go together
+            assert "is outside" not in str(error) and key in str(error)
+
+
+def anything(section: str, key: str, kind: Any) -> st.SearchStrategy:
+    """All that a setting may be."""
     if typing.get_origin(kind) is typing.Literal:
         return st.sampled_from(typing.get_args(kind))
-    if isinstance(value, bool):
-        return st.booleans()
-    if isinstance(value, int):
-        return st.integers(value, value + 3)
-    return st.floats(0.95, 1.0).map(lambda share: share * value)
+    limits = RANGES[section, key]
+    if limits is None:
+        return st.booleans() if kind is bool else st.text(max_size=20)
+    low, high = limits
+    return st.integers(round(low), round(high)) if kind is int else st.floats(low, high)
 
 
-@given(st.data())
-@settings(max_examples=50, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-def test_any_settings_written_are_read_back(tmp_path: Path, data):
+@st.composite
+def any_settings(draw: st.DrawFn) -> Config:
+    """Every setting drawn from its whole range; a section that does not go together keeps its defaults."""
     sections = {}
     for section, kind in SECTIONS.items():
-        default = getattr(Config(), section)
         types = typing.get_type_hints(kind)
-        values = {key: data.draw(near(getattr(default, key), types[key])) for key in types}
-        sections[section] = kind(**values)
-    config = Config(**sections)
+        values = {key: draw(anything(section, key, types[key])) for key in types}
+        try:
+            sections[section] = kind(**values)
+        except ValueError as error:
+            assert "is outside" not in str(error)
+            sections[section] = kind()
+    return Config(**sections)
+
+
+@given(any_settings())
+@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_any_settings_written_are_read_back(tmp_path: Path, config: Config):
     (tmp_path / "robot.toml").write_text(config_text(config))
     assert read_config(tmp_path / "robot.toml") == config
+
+
+@pytest.mark.parametrize(("section", "key"), EVERY_KEY)
+def test_every_setting_is_written_and_read_by_itself(tmp_path: Path, section: str, key: str):
+    default, limits = Config(), RANGES[section, key]
+    part = getattr(default, section)
+    value = getattr(part, key)
+    if limits is None:
+        kind = typing.get_type_hints(type(part))[key]
+        others = typing.get_args(kind) or ((not value,) if kind is bool else (f"{value}x",))
+        other = next(one for one in others if one != value)
+    else:
+        step = 1 if isinstance(value, int) else 0.01 * value or 0.01
+        other = value - step if value - step >= limits[0] else value + step
+    try:
+        config = dataclasses.replace(default, **{section: dataclasses.replace(part, **{key: other})})
+    except ValueError:  # a text of which only few are allowed
+        assert isinstance(value, str)
+        return
+    (tmp_path / "robot.toml").write_text(config_text(config))
+    assert read_config(tmp_path / "robot.toml") == config != default
+    assert changed_settings(config) == {section: {key: other}}
+
+
+def test_dump_config_prints_the_settings_in_force_and_no_more_is_done(tmp_path: Path, capsys):
+    (tmp_path / "mine.toml").write_text("[nav]\nspeed_cm_s = 30.0\n")
+    arguments = ["--config", str(tmp_path / "mine.toml"), "--net.square-px", "20", "--net.mode", "paper"]
+    with pytest.raises(SystemExit) as stop:
+        read_command_line(SomeOptions, ["--name", "a", "--dump-config", *arguments])
+    assert not stop.value.code
+    (tmp_path / "dumped.toml").write_text(capsys.readouterr().out)
+    _, config = read_command_line(SomeOptions, ["--name", "a", *arguments])
+    assert read_config(tmp_path / "dumped.toml") == config
+    assert changed_settings(config) == {
+        "nav": {"speed_cm_s": 30.0},
+        "net": {"square_px": 20, "mode": "paper"},
+    }
 
 
 def test_what_a_file_does_not_mention_keeps_its_default(tmp_path: Path):
@@ -84,11 +170,11 @@ def test_what_a_file_does_not_mention_keeps_its_default(tmp_path: Path):
         ("[net\n", ["not valid TOML", "line 1"]),
         ("[net]\nsquare_px = \n", ["not valid TOML", "line 2"]),
         ("[net]\nsquare_px = 8\nsquare_px = 9\n", ["not valid TOML", "line 3"]),
-        ("[nett]\nsquare_px = 8\n", ["unknown section [nett]", "did you mean net?"]),
+        ("[nett]\nsquare_px = 8\n", ["line 1: unknown section [nett]", "did you mean net?"]),
         ("[camera_of_mine]\n", ["unknown section [camera_of_mine]", "net, depth"]),
-        ("square_px = 8\n", ["unknown key square_px outside any section"]),
+        ("square_px = 8\n", ["line 1: unknown key square_px outside any section"]),
         ("net = 8\n", ["net must be a section"]),
-        ("[net]\nsquare_pix = 8\n", ["unknown key net.square_pix", "did you mean square_px?"]),
+        ("[net]\nsquare_pix = 8\n", ["line 2: unknown key net.square_pix", "did you mean square_px?"]),
         ("[net]\nzzz = 8\n", ["unknown key net.zzz", "square_px, "]),
         ("[net.square_px]\na = 1\n", ["net.square_px", "whole number"]),
         ("[net]\nsquare_px = 8.0\n", ["net.square_px = 8.0", "whole number"]),
@@ -98,7 +184,12 @@ def test_what_a_file_does_not_mention_keeps_its_default(tmp_path: Path):
         ("[net]\nmerge_distance = [8]\n", ["net.merge_distance = [8]", "number"]),
         ("[net]\nmerge_distance = nan\n", ["net.merge_distance = nan", "finite"]),
         ("[nav]\nspeed_cm_s = inf\n", ["nav.speed_cm_s = inf", "finite"]),
-        ("[net]\nsquare_px = -3\n", ["section [net]", "square_px = -3", "4 to 200"]),
+        ("[net]\nsquare_px = -3\n", ["line 2: net.square_px = -3", "4 to 200"]),
+        ("# mine\n[nav]\n\ncreep_cm_s = 90\n", ["line 4: nav.creep_cm_s = 90.0 is over speed_cm_s = 20.0"]),
+        ("[net]\nmerge_distance = 1" + 400 * "0" + "\n", ["line 2: net.merge_distance = 1000", "finite"]),
+        ("[net]\nsquare_px = 1" + 5000 * "0" + "\n", ["no robot has such settings"]),
+        ("a = " + 3000 * "[", ["no robot has such settings"]),
+        ("a = " + 3000 * "[" + 3000 * "]" + "\n", ["no robot has such settings"]),
     ],
 )
 def test_a_file_that_cannot_be_followed_is_named_with_its_key(tmp_path: Path, text: str, words: list[str]):
@@ -157,8 +248,8 @@ def test_robot_toml_of_the_working_directory_is_used(tmp_path: Path, monkeypatch
         (["--name", "a", "--count", "many"], ["--count", "many"]),
         (["--name", "a", "--cont", "3"], ["--cont", "did you mean --count?"]),
         (["--name", "a", "--nav.sped-cm-s", "3"], ["did you mean --nav.speed-cm-s?"]),
-        (["--name", "a", "--depth.min-step-cm", "inf"], ["--depth.min-step-cm", "inf", "finite"]),
-        (["--name", "a", "--net.square-px", "-3"], ["square_px = -3"]),
+        (["--name", "a", "--depth.min-step-cm", "inf"], ["depth.min_step_cm = inf", "0.001 to 100"]),
+        (["--name", "a", "--net.square-px", "-3"], ["net.square_px = -3 is outside 4 to 200"]),
         (["--name", "a", "--config"], ["--config"]),
         (["--name", "a", "--config", "none.toml"], ["none.toml", "no such"]),
         (["--name", "a", "stray\nline"], ["stray line"]),
@@ -173,7 +264,7 @@ def test_a_command_line_that_cannot_be_followed_is_answered_in_one_line(argument
 
 
 @given(st.lists(st.text(max_size=8), max_size=4))
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=8, deadline=None)
 def test_no_command_line_brings_more_than_a_usage_error(arguments):
     try:
         options, config = read_command_line(SomeOptions, ["--name", "a", *arguments])

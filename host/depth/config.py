@@ -2,7 +2,41 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
+
+from host.ranges import check_ranges
+
+FRAMES = (3, 1000)  # the first, the last, and one that may go
+SHARE = (0.0, 1.0)
+PX = (0.0, 50.0)
+RANGES = {
+    "travel_sigma_cm": (0.0, 10.0),
+    "rotation_sigma_rad": (0.0, 1.0),
+    "rotation_sigma_share": SHARE,
+    "timing_sigma_s": (0.0, 1.0),
+    "tracked_sigma_cm": (0.0, 100.0),
+    "min_step_cm": (0.001, 100.0),
+    "min_change": (0.0, 10.0),
+    "max_relative_sigma": (0.0, 10.0),
+    "area_history": FRAMES,
+    "area_shape_change": (0.0, 10.0),
+    "area_outline_px": PX,
+    "area_drift_px": PX,
+    "area_own_share": SHARE,
+    "vertex_history": FRAMES,
+    "vertex_noise_px": PX,
+    "vertex_default_sigma_px": PX,
+    "vertex_model_share": SHARE,
+    "keyframes": FRAMES,
+    "outline_spacing_px": (0.5, 100.0),
+    "outline_border_px": PX,
+    "outline_noise_px": PX,
+    "outline_correlation_px": (0.0, 1000.0),
+    "outline_model_share": SHARE,
+    "nearest_cm": (0.1, 10000.0),
+    "farthest_cm": (1.0, 100000.0),
+    "memory_share_per_cm": SHARE,
+}
 
 
 @dataclass(frozen=True)
@@ -48,16 +82,6 @@ class DepthConfig:
     memory_share_per_cm: float = 0.002
 
     def __post_init__(self) -> None:
-        for key, value in asdict(self).items():
-            if isinstance(value, int) and value < 3:  # the first, the last, and one that may go
-                raise ValueError(f"{key} = {value} must be at least 3")
-            if not value >= 0:
-                raise ValueError(f"{key} = {value} is negative")
-            if "_share" in key and value > 1:
-                raise ValueError(f"{key} = {value} is over 1, and it is a share")
-        if not self.min_step_cm > 0:
-            raise ValueError(f"min_step_cm = {self.min_step_cm} must be above 0")
-        if not 0 < self.nearest_cm < self.farthest_cm:
-            raise ValueError(
-                f"nearest_cm = {self.nearest_cm} must be above 0 and below farthest_cm = {self.farthest_cm}"
-            )
+        check_ranges(self, RANGES)
+        if not self.nearest_cm < self.farthest_cm:
+            raise ValueError(f"nearest_cm = {self.nearest_cm} must be below farthest_cm = {self.farthest_cm}")

@@ -2,7 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
+
+from host.ranges import check_ranges
+
+BODY_RANGES = {
+    "cm_per_count": (0.01, 4.0),  # as the firmware's parameters, and so the track
+    "track_cm": (2.0, 100.0),
+    "wheel_ratio": (0.5, 2.0),
+    "size_sigma": (0.0, 0.5),
+    "ratio_sigma": (0.0, 0.5),
+    "track_sigma": (0.0, 0.5),
+    "radius_cm": (1.0, 200.0),
+    "camera_height_cm": (1.0, 200.0),
+    "camera_ahead_cm": (0.0, 200.0),
+}
 
 
 @dataclass(frozen=True)
@@ -20,20 +34,28 @@ class BodyConfig:
     camera_ahead_cm: float = 12.0  # lens in front of the axle's middle
 
     def __post_init__(self) -> None:
-        _check_positive(self, zero_allowed={"camera_ahead_cm", "size_sigma", "ratio_sigma", "track_sigma"})
+        check_ranges(self, BODY_RANGES)
 
 
 MOST_CELLS = 400  # from the middle of the map to its edge
-# Beyond these the robot would drive on what it no longer knows, or faster than its link can say.
-MOST = {
-    "frame_stale_s": 0.3,
-    "link_stale_s": 0.25,
-    "speed_cm_s": 100.0,
-    "creep_cm_s": 100.0,
-    "turn_rad_s": 6.0,
-    "brake_cm_s2": 1000.0,
-    "give_up_s": 600.0,
-    "map_half_cm": 10000.0,
+MOST_REACTION_S = 10.0
+NAV_RANGES = {
+    "clearance_cm": (0.1, 100.0),
+    "comfort_cm": (0.0, 200.0),
+    "speed_cm_s": (1.0, 100.0),
+    "creep_cm_s": (1.0, 100.0),
+    "turn_rad_s": (0.05, 6.0),
+    "brake_cm_s2": (1.0, 1000.0),
+    "reaction_s": (0.0, MOST_REACTION_S),
+    "piece_cm": (1.0, 1000.0),
+    "goal_tolerance_cm": (0.5, 500.0),
+    "give_up_s": (0.1, 600.0),
+    # Above these the robot would drive on what it no longer knows.
+    "frame_stale_s": (0.01, 0.3),
+    "link_stale_s": (0.01, 0.25),
+    "map_half_cm": (50.0, 10000.0),
+    "cell_cm": (0.5, 50.0),
+    "memory_s": (1.0, 100000.0),
 }
 
 
@@ -58,19 +80,10 @@ class NavConfig:
     memory_s: float = 60.0  # evidence fades to 1/e in this time
 
     def __post_init__(self) -> None:
-        _check_positive(self, zero_allowed={"reaction_s", "comfort_cm"})
-        for key, most in MOST.items():
-            if getattr(self, key) > most:
-                raise ValueError(f"{key} = {getattr(self, key)} is over {most:g}")
+        check_ranges(self, NAV_RANGES)
         if self.creep_cm_s > self.speed_cm_s:
             raise ValueError(f"creep_cm_s = {self.creep_cm_s} is over speed_cm_s = {self.speed_cm_s}")
         if self.map_half_cm / self.cell_cm > MOST_CELLS:
             raise ValueError(
                 f"map_half_cm = {self.map_half_cm} is over {MOST_CELLS} cells of cell_cm = {self.cell_cm}"
             )
-
-
-def _check_positive(config: BodyConfig | NavConfig, zero_allowed: set[str]) -> None:
-    for key, value in asdict(config).items():
-        if not (value > 0 or (value == 0 and key in zero_allowed)):
-            raise ValueError(f"{key} = {value} must be above zero")

@@ -10,6 +10,8 @@ from __future__ import annotations
 import math
 from collections import deque
 
+from host.nav.config import MOST_REACTION_S
+
 MOTORS_S = 0.13  # from a command to its effect on the wheels
 REMEMBERED = 8  # pictures: one that came late makes the robot careful for so long
 STEP_S = 0.02  # reactions are given in steps of this
@@ -37,4 +39,4 @@ class Pace:
     def reaction_s(self) -> float:
         """From what a picture shows to the wheels' answer to it, at worst; never less than configured."""
         found = max(self._acted_s, default=0.0) + MOTORS_S
-        return max(self._least_s, STEP_S * math.ceil(found / STEP_S - 1e-6))
+        return min(max(self._least_s, STEP_S * math.ceil(found / STEP_S - 1e-6)), MOST_REACTION_S)

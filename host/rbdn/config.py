@@ -5,7 +5,26 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, get_args
 
+from host.ranges import check_ranges
+
 Mode = Literal["ours", "paper"]
+RANGES = {
+    "square_px": (4, 200),
+    "merge_distance": (1, 200),
+    "rgb_distance": (1, 450),
+    "lightness_weight": (0, 1),
+    "min_area_px": (1, 1e6),
+    "min_width_px": (0, 100),
+    "start_reach_px": (2, 20),
+    "track_reach_px": (2, 20),
+    "start_cycles": (1, 1000),
+    "track_cycles": (1, 1000),
+    "group_step": (0, 200),
+    "keep_step": (0, 200),
+    "refresh_frames": (0, 100000),
+    "max_polygons": (0, 1000000),
+    "max_ms": (0, 1e6),
+}
 
 
 @dataclass(frozen=True)
@@ -48,28 +67,4 @@ class NetConfig:
     def __post_init__(self) -> None:
         if self.mode not in get_args(Mode):
             raise ValueError(f"mode = {self.mode!r} is not one of {', '.join(map(repr, get_args(Mode)))}")
-        bounds = {
-            "square_px": (4, 200),
-            "merge_distance": (1, 200),
-            "rgb_distance": (1, 450),
-            "lightness_weight": (0, 1),
-            "min_area_px": (1, 1e6),
-            "min_width_px": (0, 100),
-            "start_reach_px": (2, 20),
-            "track_reach_px": (2, 20),
-            "start_cycles": (1, 1000),
-            "track_cycles": (1, 1000),
-            "group_step": (0, 200),
-            "keep_step": (0, 200),
-            "refresh_frames": (0, 100000),
-            "max_polygons": (0, 1000000),
-            "max_ms": (0, 1e6),
-        }
-        for name, (low, high) in bounds.items():
-            value = getattr(self, name)
-            whole = isinstance(type(self).__dataclass_fields__[name].default, int)
-            kind = int if whole else (int, float)
-            if not isinstance(value, kind) or isinstance(value, bool):
-                raise ValueError(f"{name} = {value!r} is not a {'whole ' if whole else ''}number")
-            if not low <= value <= high:
-                raise ValueError(f"{name} = {value} is outside {low} to {high}")
+        check_ranges(self, RANGES)
