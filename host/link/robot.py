@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
+import threading
 from collections import deque
 from collections.abc import Callable
 from types import TracebackType
@@ -65,8 +67,10 @@ FIRST_PINGS = 16  # before the clock mapping is used
 PING_TIMEOUT_S = 0.05  # at first; doubled for every one that is not answered
 PING_TIMEOUT_MAX_S = 0.2
 BYTE_S = 10 / BAUD  # on the line, start and stop bit included
+_PING_S = BYTE_S * len(encode(Ping(0), 0))
 _PONG_S = BYTE_S * len(encode(Pong(0, 0), 0))
 ESTOP_COPIES = 3
+MOVING = (Drive, Move, Turn, KeepAlive, Clear)  # what a robot may move after
 UNREAD_MAX = 6000  # telemetry of a minute
 EVENTS_MAX = 1000
 
@@ -118,6 +122,12 @@ class Robot:
         Messages the robot did not obey.
     last_refusal : Nack or None
         The last of them, with the reason.
+    round_trip_s : float or None
+        From the last PING that was answered to reading its answer; the line's own part is `line_s`.
+    line_s : float or None
+        The shortest of these since connecting.
+    halted : str or None
+        Why another thread has called `halt`; from then on nothing is sent that could move the robot.
     events : deque of Event
         What happened to the session, in one line each: connected, lost, paused, connected again.
     """
@@ -129,12 +139,16 @@ class Robot:
         self.latest: Telemetry | None = None
         self.refusals = 0
         self.last_refusal: Nack | None = None
+        self.round_trip_s: float | None = None
+        self.line_s: float | None = None
+        self.halted: str | None = None
         self.events: deque[Event] = deque(maxlen=EVENTS_MAX)
         self._transport = transport
         self._clock = clock
         self._reopen = reopen
         self._line_gone = False
         self._decoder = Decoder(to_host=True)
+        self._sending = threading.Lock()  # numbers go out in order, and nothing that moves after a halt
         self._seq = 0
         self._hello: Hello | None = None  # of the open session
         self._known: Hello | None = None  # of the last session
@@ -179,7 +193,7 @@ class Robot:
         DeviceError
             Nobody answers within `timeout_s`, or somebody with another protocol or schema.
         """
-        self._hello = self._offered = self.latest = None
+        self._hello = self._offered = self.latest = self.round_trip_s = self.line_s = None
         self._offers = 0
         self._robot_clock = RobotClock()
         self._pings.clear()
@@ -351,6 +365,16 @@ class Robot:
         """Motors off at once, latched until `clear`; needs no session."""
         for _ in range(ESTOP_COPIES):
             self._give(EStop())
+
+    def halt(self, why: str) -> None:
+        """Motors off at once and for good, from any thread: waits for nothing but the line.
+
+        Whoever polls goes on hearing the robot, and should look at `halted`. Never raises: where the line is
+        gone the robot's own dead-man stops the motors.
+        """
+        self.halted = why
+        with self._sending, contextlib.suppress(DeviceError):
+            self._transport.write(b"".join(self._frame(EStop()) for _ in range(ESTOP_COPIES)))
 
     def clear(self) -> None:
         """Unlatch the fault; telemetry tells whether it arrived and the cause is gone."""
@@ -595,14 +619,21 @@ class Robot:
         self.events.append(Event(self._clock.now_s(), text))
 
     def _send(self, message: Message) -> int:
-        # The delimiter before the frame keeps noise of the pause from swallowing it.
-        frame = b"\0" + encode(message, self._seq)
-        self._seq = (self._seq + 1) & 0xFF
         try:
-            self._transport.write(frame)
+            with self._sending:
+                if self.halted is not None and isinstance(message, MOVING):
+                    return 0
+                frame = self._frame(message)
+                self._transport.write(frame)
         except DeviceError as error:
             raise self._line_lost(error) from None
         return len(frame)
+
+    def _frame(self, message: Message) -> bytes:
+        # The delimiter before the frame keeps noise of the pause from swallowing it.
+        frame = b"\0" + encode(message, self._seq)
+        self._seq = (self._seq + 1) & 0xFF
+        return frame
 
     def _line_lost(self, error: DeviceError) -> DeviceError:
         self._line_gone = True
@@ -640,6 +671,8 @@ class Robot:
                 arrived_s = self._pings.pop(message.host_time_us, None)
                 if arrived_s is not None:
                     self._robot_clock.add(arrived_s, message.mcu_time_us, now_s - _PONG_S)
+                    self.round_trip_s = now_s - arrived_s + _PING_S
+                    self.line_s = min(self.round_trip_s, self.line_s or math.inf)
             case Hello():
                 same = self._offered is not None and self._offered.boot_nonce == message.boot_nonce
                 self._offers = self._offers + 1 if same else 1

@@ -61,7 +61,8 @@ def drive(
 ) -> tuple[DriveLog, int]:
     """Drive until something ends it; the motors are stopped before anything else happens then.
 
-    A robot that is unplugged or restarts stands; where it can be connected again, the drive goes on.
+    A robot that is unplugged or restarts stands; where it can be connected again, the drive goes on. One that
+    was halted from another thread ends it with EXIT_SAFETY.
 
     Parameters
     ----------
@@ -115,9 +116,12 @@ def drive(
 
 
 def stop_motors(robot: Robot) -> None:
-    """Brake; where the line is gone the robot's own dead-man does it."""
+    """Brake, or off for good after a halt; where the line is gone the robot's own dead-man does it."""
     with contextlib.suppress(DeviceError):
-        robot.stop()
+        if robot.halted is None:
+            robot.stop()
+        else:
+            robot.estop()
 
 
 class _Trip:
@@ -191,6 +195,7 @@ class _Trip:
 
     def reconnect(self) -> None:
         """Stand until the lost robot is back, then go on; where it is not, DeviceError."""
+        self._heed_halt()
         log = self.log
         if self.losses.too_often(self.clock.now_s()):
             raise DeviceError(
@@ -260,6 +265,7 @@ class _Trip:
         for report in self.robot.poll():
             t_s = self.robot.host_time_s(report.mcu_time_us)
             self.pilot.hear(WheelReading.of(report, t_s))
+        self._heed_halt()
         latest, now_s = self.robot.latest, self.clock.now_s()
         if latest is None or latest.state != State.FAULT or now_s - self.cleared_s < CLEARS_IN_S:
             return
@@ -276,6 +282,10 @@ class _Trip:
         self.robot.clear()
         self.cleared_s = self.clock.now_s()
 
+    def _heed_halt(self) -> None:
+        if self.robot.halted is not None:
+            raise _Ended("stopped", self.robot.halted, EXIT_SAFETY)
+
     def _wait_out(self, why: str) -> None:
         self._stand()
         self.log.decide(
@@ -284,6 +294,7 @@ class _Trip:
         until_s = self.clock.now_s() + TRY_AGAIN_S
         while self.clock.now_s() < until_s:
             self.clock.sleep_s(LISTEN_S)
+            self._heed_halt()
             for report in self.robot.poll():
                 t_s = self.robot.host_time_s(report.mcu_time_us)
                 self.pilot.hear(WheelReading.of(report, t_s))

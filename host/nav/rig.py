@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +14,8 @@ from host.camera.lens_file import read_lens
 from host.camera.source import open_camera
 from host.errors import UsageError
 from host.link.clock import Clock, SystemClock
+from host.link.ports import RobotPort
 from host.link.robot import Robot
-from host.link.serial_port import SerialPort
 from host.nav.pilot import View
 from host.nav.result import DriveLog
 from host.sim.board import Line
@@ -41,6 +41,7 @@ class Rig:
     lens: Lens
     goal_cm: tuple[float, float] | None  # the task that a simulated world sets
     score: Score | None  # knows the truth of a simulated world; hears, and is asked when all is over
+    monotonic_s: Callable[[float], float] = lambda t_s: t_s  # from the clock's time to time.monotonic's
 
     def watch(self, view: View) -> None:
         """Let the truth look at what was made of a frame."""
@@ -89,8 +90,12 @@ class Rig:
 
 
 @contextmanager
-def open_rig(camera_uri: str, robot_uri: str, lens_file: Path | None) -> Iterator[Rig]:
+def open_rig(
+    camera_uri: str, robot_uri: str, lens_file: Path | None, real_time: bool = False
+) -> Iterator[Rig]:
     """Open everything and connect; close it all at the end, motors first.
+
+    With `real_time` a simulation does not run as fast as it can, but so that somebody can watch.
 
     Raises
     ------
@@ -99,8 +104,6 @@ def open_rig(camera_uri: str, robot_uri: str, lens_file: Path | None) -> Iterato
     DeviceError
         Camera or robot do not answer.
     """
-    if robot_uri == "auto":
-        raise UsageError(f"robot {robot_uri}: not supported yet; write sim: or a port such as /dev/ttyACM0")
     simulated = is_simulated(robot_uri)
     if simulated:
         parse_robot(robot_uri)
@@ -112,20 +115,23 @@ def open_rig(camera_uri: str, robot_uri: str, lens_file: Path | None) -> Iterato
         raise UsageError(f"--lens {lens_file}: a simulated camera brings its own lens; leave it out")
     if simulated:
         avr, body_seed, body = parse_robot(robot_uri, world_from_uri(camera_uri).seed)
-        simulation = Simulation(camera_uri, body=body, body_seed=body_seed, avr=avr)
+        simulation = Simulation(camera_uri, body=body, body_seed=body_seed, avr=avr, real_time=real_time)
         with Robot(simulation.transport, simulation.clock, lambda: Line(simulation.board)) as robot:
             robot.connect()
             world = simulation.world
-            yield Rig(
+            rig = Rig(
                 simulation.camera, robot, simulation.clock, world.lens, world.goal_cm, Score(simulation)
             )
+            paced = simulation.pacer
+            yield rig if paced is None else replace(rig, monotonic_s=paced.real_s)
         return
     camera = open_camera(camera_uri, None if lens_file is None else read_lens(lens_file))
     try:
         if camera.lens is None:
             raise UsageError(f"camera {camera_uri}: its lens is not known; name its camera.json with --lens")
         clock = SystemClock()
-        with Robot(SerialPort(robot_uri), clock, lambda: SerialPort(robot_uri)) as robot:
+        port = RobotPort(robot_uri)
+        with Robot(port.open(), clock, port.open) as robot:
             robot.connect()
             yield Rig(camera, robot, clock, camera.lens, None, None)
     finally:

@@ -32,13 +32,13 @@ from tyro.conf import Positional, arg
 
 from host.config import read_options
 from host.record.atomic import check_writable, write_whole
+from host.sim.clock import Pacer
 
 if TYPE_CHECKING:  # so that --help need not wait for OpenCV
     from host.sim.rolling import RollingRobot
 
 EEPROM_BYTES = 1024  # of an ATmega328P
 PACE_S = 0.001  # between two looks at the line when nothing comes
-LATE_S = 0.05  # behind by more is lost time, which is not made up for
 REPORT_S = 5.0  # between two complaints that the machine is too slow
 
 
@@ -113,26 +113,6 @@ def symbolic_link(path: Path | None, target: str) -> Iterator[None]:
         with contextlib.suppress(OSError):  # it may be gone, or belong to a later server
             if os.readlink(path) == target:
                 path.unlink()
-
-
-class Pacer:
-    """Virtual time kept at real time, as far as the machine can."""
-
-    def __init__(self, now_s: Callable[[], float] = time.monotonic) -> None:
-        self._now_s = now_s
-        self._start_s = now_s()
-        self.lost_s = 0.0  # real time that the simulation did not live through
-        self.worst_s = 0.0  # furthest it was ever behind
-
-    def due_us(self, reached_us: int) -> int:
-        """Virtual time that should be reached by now."""
-        passed_s = self._now_s() - self._start_s - self.lost_s
-        behind_s = passed_s - reached_us * 1e-6
-        self.worst_s = max(self.worst_s, behind_s)
-        if behind_s > LATE_S:
-            self.lost_s += behind_s
-            passed_s -= behind_s
-        return int(passed_s * 1e6)
 
 
 def serve(robot: RollingRobot, port: Port, seconds: float | None, say: Callable[[str], None]) -> None:

@@ -12,6 +12,7 @@ from host.errors import DeviceError
 from host.link.parameters import Param
 from host.pose import Pose
 from host.sim.body import BodyModel
+from host.sim.clock import Pacer
 from host.sim.eeprom import image
 from host.sim.render import Renderer, Webcam, WebcamModel
 from host.sim.rolling import RollingRobot
@@ -108,6 +109,8 @@ class Simulation:
         Frames a second, 1 to 1000; what the URI says by default, or else 15.
     avr
         Run the real firmware in a simulated ATmega328P instead of the firmware compiled for this machine.
+    real_time
+        Virtual time never runs ahead of real time. What happens in it stays the same.
 
     Attributes
     ----------
@@ -118,6 +121,8 @@ class Simulation:
     body : Body
     renderer : Renderer
     board : Board
+    pacer : Pacer or None
+        Of a simulation in real time.
 
     Raises
     ------
@@ -134,6 +139,7 @@ class Simulation:
         webcam: WebcamModel | None = None,
         fps: float | None = None,
         avr: bool = False,
+        real_time: bool = False,
     ) -> None:
         fps = fps_from_uri(uri) or FRAMES_PER_S if fps is None else fps
         if not 1.0 <= fps <= 1000.0:
@@ -150,6 +156,10 @@ class Simulation:
         )
         self.board, self.body, self.clock = rolling.board, rolling.body, rolling.clock
         self.transport = rolling.line()
+        self.pacer = Pacer() if real_time else None
+        if self.pacer is not None:
+            hold = self.pacer.hold
+            rolling.watchers.append(lambda: hold(self.board.time_us))
         self._webcam_model = webcam or webcam_from_uri(uri)
         self._webcam = Webcam(self._webcam_model, self.world.lens, seed)
         self.camera = SimulatedCamera(self.world.lens, fps, rolling, self._take, self._webcam_model, seed)

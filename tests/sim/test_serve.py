@@ -16,7 +16,8 @@ from host.link.clock import SystemClock
 from host.link.parameters import Param
 from host.link.robot import Robot
 from host.link.serial_port import SerialPort
-from host.sim.serve import LATE_S, Pacer, symbolic_link
+from host.sim.clock import LATE_S, Pacer
+from host.sim.serve import symbolic_link
 
 SERVE = [sys.executable, "-m", "host.sim.serve"]
 STRANGER = """
