@@ -9,7 +9,7 @@
     python -m host.link.bench replay  capture.txt              a capture decoded again
     python -m host.link.bench report  *.json --html page.html  earlier results on one page
 
-A robot is a port's path, or sim: or avr: for a simulated one in virtual time; `python -m host.sim.serve` puts
+A robot is a port's path, auto, or sim: or avr: for a simulated one in virtual time; `python -m host.sim.serve` puts
 a simulated one on a port. Each command has --help, and can write --json and --html. Exit codes: 0 done and
 healthy, 4 the line is faulty or does not answer, 5 the robot did what it must never do.
 """
@@ -49,7 +49,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 def run(measure: Callable[[Any], Any], options: Any) -> int:
     """Measure, show, write; the places for the results are looked at first."""
-    from host.link.bench.page import check_plots, page
+    from host.link.bench.page import page
     from host.link.bench.result import write_result
     from host.link.bench.terminal import show
     from host.link.bench.verdict import Grade
@@ -60,8 +60,6 @@ def run(measure: Callable[[Any], Any], options: Any) -> int:
     for path in (options.json, options.html):
         if path is not None:
             check_writable(path, folder=False)
-    if options.html is not None:
-        check_plots()
     result = measure(options)
     if result is None:
         return EXIT_DONE

@@ -28,7 +28,7 @@ AGE_LIMIT_RATE = 1e-4  # bit errors and below
 class BerOptions:
     """Drive over a line with bit errors: injected ones on a simulated robot, else those that the line has."""
 
-    robot: str = "sim:"  # a port such as /dev/ttyACM0, or sim: or avr:, as in sim:?seed=3
+    robot: str = "sim:"  # auto, a port such as /dev/ttyACM0, or sim: or avr:, as in sim:?seed=3
     rates: str | None = None  # bit error rates to inject, such as 0,1e-5; 0 measures the line's own
     seconds: float = 20.0  # at each rate
     period_ms: float = 20.0  # from one DRIVE to the next

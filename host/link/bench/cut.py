@@ -36,7 +36,7 @@ CREEP_S = 0.1  # where only counts are seen: one that comes so long after the la
 class CutOptions:
     """Let the line die under the driving robot, in many ways, and see when it brakes and stands."""
 
-    robot: str = "sim:"  # a port such as /dev/ttyACM0, or sim: or avr:, as in sim:?motors=15
+    robot: str = "sim:"  # auto, a port such as /dev/ttyACM0, or sim: or avr:, as in sim:?motors=15
     seeds: int = 5  # times each way is tried
     speed_mm_s: float = 300.0  # of the wheels
     only: str | None = None  # ways whose name holds this text

@@ -25,7 +25,7 @@ FEWEST_FOR_DRIFT = 50
 class EchoOptions:
     """Measure round trips and the drift of the robot's clock. Moves nothing."""
 
-    robot: str = "sim:"  # a port such as /dev/ttyACM0, or sim: or avr:, as in sim:?seed=3
+    robot: str = "sim:"  # auto, a port such as /dev/ttyACM0, or sim: or avr:, as in sim:?seed=3
     count: int = 1000  # of round trips
     period_ms: float = 10.0  # from one to the next
     json: Path | None = None  # write all figures to this file

@@ -49,7 +49,7 @@ PONG_BYTES = 1 + len(encode(Pong(1, 1), 1))
 class FloodOptions:
     """Fill the line both ways and count what is lost. Moves nothing."""
 
-    robot: str = "sim:"  # a port such as /dev/ttyACM0, or sim: or avr:, as in sim:?seed=3
+    robot: str = "sim:"  # auto, a port such as /dev/ttyACM0, or sim: or avr:, as in sim:?seed=3
     seconds: float = 5.0  # at each load
     json: Path | None = None  # write all figures to this file
     html: Path | None = None  # write a page with plots to this file

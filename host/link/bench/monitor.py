@@ -28,7 +28,7 @@ NAMES = sorted({kind.__name__.lower() for kind in MESSAGES} | set(BROKEN) | {"br
 class MonitorOptions:
     """Show what the robot says, until Ctrl-C. Only listens, and moves nothing."""
 
-    robot: str = "sim:"  # a port such as /dev/ttyACM0, or sim: or avr:, as in sim:?seed=3
+    robot: str = "sim:"  # auto, a port such as /dev/ttyACM0, or sim: or avr:, as in sim:?seed=3
     only: str | None = None  # messages to show, such as nack,hello,broken; * stands for any letters
     hide: str | None = None  # messages not to show, such as telemetry,linkstatus
     seconds: float | None = None  # listen no longer than this

@@ -9,7 +9,7 @@ from typing import Annotated
 from tyro.conf import Positional, arg
 
 from host.errors import UsageError
-from host.link.bench.page import check_plots, page
+from host.link.bench.page import page
 from host.link.bench.result import Cell, Result, read_result
 from host.link.bench.verdict import Finding, Verdict
 from host.record.atomic import check_writable, write_whole
@@ -32,7 +32,6 @@ def run(options: ReportOptions) -> Result:
     """The page, and what it says in short."""
     results = [read_result(path) for path in options.results]
     if options.html is not None:
-        check_plots()
         check_writable(options.html, folder=False)
         write_whole(options.html, page(results))
     findings = [Finding(f.grade, f"{one.command}: {f.text}") for one in results for f in one.verdict.findings]

@@ -8,39 +8,15 @@ import time
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from types import UnionType
-from typing import Any, Literal, get_args
+from typing import Any, get_args
 
 from host.errors import InputError
 from host.link.bench.verdict import Finding, Grade, Verdict
 from host.record.atomic import write_whole
+from host.view.plot import Kind, Plot, Series
 
 FORMAT = "robot link bench 1"
 Cell = str | int | float | None
-Kind = Literal["histogram", "line", "points", "bars"]
-
-
-@dataclass(frozen=True)
-class Series:
-    """One set of points of a plot."""
-
-    name: str
-    x: list[float]
-    y: list[float]
-
-
-@dataclass(frozen=True)
-class Plot:
-    """A plot as data. Of a histogram `x` holds the left ends of its bins and one more."""
-
-    title: str
-    kind: Kind
-    x_label: str
-    y_label: str
-    series: list[Series]
-    log_x: bool = False
-    log_y: bool = False
-    limit: float | None = None  # what y should not exceed; of a histogram, what x should not
-    ticks: list[str] = field(default_factory=list)  # names along x, of bars
 
 
 @dataclass(frozen=True)
@@ -128,11 +104,20 @@ def _plot(told: dict[str, Any]) -> Plot:
     _a(int | float | None, plot.limit)
     if plot.kind not in get_args(Kind):
         raise ValueError("no kind of plot")
+    if plot.marks or plot.underlay is not None:
+        raise ValueError("more than the bench draws")
     for one in series:
-        _a(str, one.name)
+        for text in (one.name, one.look, *_list(str, one.titles)):
+            _a(str, text)
+        _a(int | None, one.colour)
         edges = 1 if plot.kind == "histogram" else 0
         if len(_list(int | float | None, one.x)) != len(_list(int | float | None, one.y)) + edges:
             raise ValueError("points with one coordinate")
+        if len(_list(int | float | None, one.sigma)) not in (0, len(one.x)) or len(one.titles) not in (
+            0,
+            len(one.x),
+        ):
+            raise ValueError("points without a sigma or title")
     return plot
 
 

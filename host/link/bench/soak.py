@@ -65,7 +65,7 @@ CALM_S = 0.4
 class SoakOptions:
     """Mixed traffic over a line with random faults; everything that must hold is watched."""
 
-    robot: str = "sim:"  # a port such as /dev/ttyACM0, or sim: or avr:, as in sim:?motors=15
+    robot: str = "sim:"  # auto, a port such as /dev/ttyACM0, or sim: or avr:, as in sim:?motors=15
     minutes: float = 1.0  # by the robot's time
     seed: int = 0  # of faults and traffic
     faults: str = ",".join(KINDS)  # kinds of faults to inject; "none" for a good line

@@ -10,7 +10,7 @@ from host.errors import UsageError
 from host.link.bench.tap import Tap
 from host.link.clock import Clock, SystemClock
 from host.link.faults import FaultyLine
-from host.link.serial_port import SerialPort
+from host.link.ports import RobotPort
 from host.link.transport import Transport
 from host.sim.rolling import RollingRobot, is_simulated, open_rolling
 
@@ -38,7 +38,7 @@ def open_target(uri: str, *, seed: int = 0) -> Iterator[Target]:
     Parameters
     ----------
     uri
-        ``sim:`` or ``avr:`` with options, or a port's path.
+        ``sim:`` or ``avr:`` with options, a port's path, or ``auto``.
     seed
         Decides the chances of the faults.
 
@@ -49,14 +49,15 @@ def open_target(uri: str, *, seed: int = 0) -> Iterator[Target]:
     """
     rolling = open_rolling(uri) if is_simulated(uri) else None
     clock: Clock = SystemClock() if rolling is None else rolling.clock
-    line: Transport = SerialPort(uri) if rolling is None else rolling.line()
+    port = RobotPort(uri)
+    line: Transport = port.open() if rolling is None else rolling.line()
     far = Tap(line, clock)
     faults = FaultyLine(far, clock, seed=seed)
     near = Tap(faults, clock)
     if rolling is not None:
         rolling.watchers.append(faults.pump)  # what is late comes to the millisecond
     try:
-        yield Target(uri, clock, near, faults, far, rolling)
+        yield Target(port.name, clock, near, faults, far, rolling)
     finally:
         near.close()
 

@@ -230,7 +230,7 @@ def test_a_run_writes_json_and_a_page_that_stands_alone(
     back = read_result(tmp_path / "echo.json")
     assert back.command == "echo" and back.verdict.text == "Healthy." and len(back.plots) == 2
     page = (tmp_path / "echo.html").read_text()
-    assert 'name="viewport"' in page and page.count("data:image/svg+xml;base64,") == 2
+    assert 'name="viewport"' in page and page.count("</svg>") == 2
     assert "http://" not in page and "https://" not in page  # nothing is fetched from anywhere
 
 
@@ -383,18 +383,6 @@ def test_results_come_back_from_json_as_they_were(tmp_path: Path) -> None:
     )
     write_result(result, tmp_path / "r.json")
     assert read_result(tmp_path / "r.json") == replace(result, rows=[["x", None]])
-
-
-def test_plots_without_matplotlib_are_refused_before_anything_is_measured(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    from host.link.bench import page
-
-    monkeypatch.setattr(page, "find_spec", lambda name: None)
-    with pytest.raises(
-        UsageError, match=r"matplotlib not found, which draws the plots: \.venv/bin/pip install"
-    ):
-        run(lambda options: pytest.fail("measured"), EchoOptions(html=Path("x.html")))
 
 
 def test_nobody_at_the_port_is_told_as_such(tmp_path: Path) -> None:
