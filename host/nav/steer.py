@@ -53,6 +53,7 @@ class Command:
     reason: str
     outcome: str | None = None  # such as "goal" or "blocked", when the drive is over
     hands_off: bool = False  # send the robot nothing
+    way: tuple[tuple[float, float], ...] = ()  # points (x, z) in cm that it leads along, for who looks on
 
 
 @dataclass(frozen=True)
@@ -192,7 +193,7 @@ def decide(
         side = "right" if error > 0 else "left"
         omega = math.copysign(min(config.turn_rad_s, max(SLOWEST_TURN_RAD_S, 1.5 * abs(error))), error)
         reason = f"turn {side} by {abs(math.degrees(error)):.0f} deg towards the aim{because}"
-        return Command(0.0, omega, reason), replace(plan, piece_from=None)
+        return Command(0.0, omega, reason, way=plan.way.points), replace(plan, piece_from=None)
 
     piece_from = plan.piece_from or (x, z)
     plan = replace(plan, piece_from=piece_from)
@@ -202,7 +203,7 @@ def decide(
         return Command(0.0, 0.0, reason), replace(plan, piece_from=None, made_s=-math.inf, way=None, aim=None)
     omega = max(-BEND_RAD_S, min(BEND_RAD_S, 1.0 * error))
     v *= 1 - 0.7 * min(1.0, abs(error) / TURN_FROM_RAD)  # so that the bend stays near the line
-    return Command(10 * v, omega, reason), plan
+    return Command(10 * v, omega, reason, way=plan.way.points), plan
 
 
 def brakeable_cm_s(config: NavConfig, distance_cm: float) -> float:
