@@ -3,6 +3,7 @@
 
     make flash PORT=/dev/ttyACM0               # an Uno
     make flash PORT=/dev/ttyUSB0 BOARD=nano    # a Nano, with its old bootloader or its new one
+    make flash                                 # where there is only one USB serial port
 
 Ends well only if the robot answers with the very build that was uploaded.
 """
@@ -30,6 +31,7 @@ from build_id import build_id  # noqa: E402
 
 from host.errors import DeviceError, UsageError, run_command  # noqa: E402
 from host.link.clock import SystemClock  # noqa: E402
+from host.link.ports import list_devices  # noqa: E402
 from host.link.protocol import Hello  # noqa: E402
 from host.link.robot import Robot  # noqa: E402
 from host.link.serial_port import SerialPort, why_not_open  # noqa: E402
@@ -46,6 +48,18 @@ def upload_bauds(board: str, options: dict[str, str]) -> list[int]:
     """Speeds at which the board's bootloader may be listening, likeliest first."""
     facts = json.loads((build_firmware.PLATFORM / "boards" / f"{options['board']}.json").read_text())
     return [facts["upload"]["speed"], *([OLD_NANO_BAUD] if board == "nano" else [])]
+
+
+def only_port() -> str:
+    """The one USB serial port; a blank board cannot be asked whether it is a robot."""
+    devices = [device for device in list_devices() if device.usb]
+    if len(devices) != 1:
+        names = ", ".join(map(str, devices)) or "no USB serial port is here"
+        raise UsageError(
+            f"on which port is the robot ({names})? Say, for instance, make flash PORT=/dev/ttyACM0"
+        )
+    print(f"on {devices[0]}", flush=True)
+    return devices[0].path
 
 
 def check_port(port: str) -> None:
@@ -113,8 +127,7 @@ def flash(port: str, board: str) -> None:
     environments = build_firmware.environments()
     if board not in environments:
         raise UsageError(f"BOARD={board} is no board of platformio.ini: take {' or '.join(environments)}")
-    if not port:
-        raise UsageError("on which port is the robot? Say, for instance, make flash PORT=/dev/ttyACM0")
+    port = port or only_port()
     missing = [name for name in ("avr-gcc", "avrdude") if shutil.which(name) is None]
     if missing:
         raise UsageError(f"no {' and no '.join(missing)} on this machine: run tools/setup_avr")

@@ -26,9 +26,9 @@ from host.errors import DeviceError, UsageError
 from host.link.clock import Clock, SystemClock
 from host.link.explain import FAULTS
 from host.link.parameters import PARAMETERS, Param
+from host.link.ports import RobotPort
 from host.link.protocol import State, Telemetry
 from host.link.robot import Robot
-from host.link.serial_port import SerialPort
 from host.sim.rolling import RollingRobot, is_simulated, open_rolling
 
 LOOK_S = 0.01
@@ -47,7 +47,7 @@ SCALE_WEIGHT = 0.02  # a wrong scale is so much less bad than a wrong ratio
 class WheelsOptions:
     """Measure wheel sizes, track and motors by driving, and write them to the robot's parameters."""
 
-    robot: str = "sim:"  # a port such as /dev/ttyACM0, or sim: or avr:, as in sim:?wheels=3&track=4
+    robot: str = "sim:"  # auto, a port such as /dev/ttyACM0, or sim: or avr:, as in sim:?wheels=3&track=4
     side_mm: float = 4000.0  # of the square; so much free floor is needed, and half a metre more
     straight_mm: float = 2000.0  # driven for the scale
     runs: int = 5  # squares in each direction to measure with
@@ -435,7 +435,7 @@ def calibrate(options: WheelsOptions, rolling: RollingRobot | None = None) -> Ca
     if rolling is None and is_simulated(options.robot):
         rolling = open_rolling(options.robot)
     clock = SystemClock() if rolling is None else rolling.clock
-    line = SerialPort(options.robot) if rolling is None else rolling.line()
+    line = RobotPort(options.robot).open() if rolling is None else rolling.line()
     with Robot(line, clock) as robot:
         robot.connect()
         tape: Tape = PersonWithTape(robot.poll) if rolling is None else SimulatedTape(rolling, options.seed)

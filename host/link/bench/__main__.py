@@ -9,8 +9,8 @@
     python -m host.link.bench replay  capture.txt              a capture decoded again
     python -m host.link.bench report  *.json --html page.html  earlier results on one page
 
-A robot is a port's path, auto, or sim: or avr: for a simulated one in virtual time; `python -m host.sim.serve` puts
-a simulated one on a port. Each command has --help, and can write --json and --html. Exit codes: 0 done and
+A robot is auto, a port's path, or sim: or avr: for a simulated one in virtual time; `python -m host.sim.serve`
+puts a simulated one on a port. Each command has --help, and can write --json and --html. Exit codes: 0 done and
 healthy, 4 the line is faulty or does not answer, 5 the robot did what it must never do.
 """
 
