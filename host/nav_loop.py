@@ -55,7 +55,7 @@ class Options:
     """Drive to a goal by what the camera sees, and leave a result in runs/latest."""
 
     camera: str = "sim:room?seed=1"  # sim:room?seed=N, or a webcam's number or device
-    robot: str = "sim:"  # sim: with a simulated camera, else a serial port such as /dev/ttyACM0
+    robot: str = "sim:"  # sim: with a simulated camera, else auto or a port such as /dev/ttyACM0
     goal: str | None = None
     """X,Z in cm from the camera at the start, right and ahead; several make a route; a room has its own"""
     explore: bool = False  # look at all floor that can be reached

@@ -9,9 +9,10 @@
     python -m host.link.bench replay  capture.txt              a capture decoded again
     python -m host.link.bench report  *.json --html page.html  earlier results on one page
 
-A robot is auto, a port's path, or sim: or avr: for a simulated one in virtual time; `python -m host.sim.serve`
-puts a simulated one on a port. Each command has --help, and can write --json and --html. Exit codes: 0 done and
-healthy, 4 the line is faulty or does not answer, 5 the robot did what it must never do.
+A robot is auto, a port's path, or sim: or avr: for a simulated one in virtual time;
+`python -m host.sim.serve` puts a simulated one on a port. Each command has --help, and can write --json and
+--html. Exit codes: 0 done and healthy, 4 the line is faulty or does not answer, 5 the robot did what it must
+never do.
 """
 
 from __future__ import annotations
