@@ -26,8 +26,9 @@ import math
 import re
 import signal
 import time
-from dataclasses import dataclass, replace
-from typing import Any
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.live import Live
@@ -44,6 +45,9 @@ from host.nav.result import DriveLog, new_run_folder, write_json
 from host.nav.rig import open_rig
 from host.nav.task import Approach, Explore, MeasureOnly, Route, Task
 from host.record.atomic import check_writable
+
+if TYPE_CHECKING:  # MCAP is loaded only by who records
+    from host.record.recorder import Recorder
 
 RUNS = Path("runs")
 APPROACH_HALF_CM = 1000.0  # an approach goes straight on; this far it finds its map
@@ -66,6 +70,8 @@ class Options:
     """seconds of real time after which it ends as well; --max-time or 52, whichever is more"""
     json: Path | None = None  # write the result here as well
     lens: Path | None = None  # camera.json of a real camera
+    record: Path | None = None
+    """new MCAP file for pictures, the line's bytes and what was made of them; host.replay does it again"""
     view: bool = True  # show the live line on a terminal
 
 
@@ -128,10 +134,16 @@ def main() -> int:
         check_writable(options.json, folder=False)
     check_writable(RUNS, folder=True)
 
-    with open_rig(options.camera, options.robot, options.lens) as rig:
+    with (
+        open_recorder(options.record) as recorder,
+        open_rig(options.camera, options.robot, options.lens, tap=recorder and recorder.line) as rig,
+    ):
         task, words, goal_cm = choose_task(options, route, rig.goal_cm)
         nav = config.nav if options.approach is None else with_long_map(config.nav)
-        pilot = Pilot(rig.lens, task, net=config.net, depth=config.depth, body=config.body, nav=nav)
+        if recorder is None:
+            pilot = Pilot(rig.lens, task, net=config.net, depth=config.depth, body=config.body, nav=nav)
+        else:
+            pilot = recorder.pilot(rig.clock, rig.lens, task, replace(config, nav=nav), asdict(options))
         gallery = Gallery()
         print(f"{words} for at most {options.max_time:g} s; Ctrl-C stops", file=sys.stderr)
         with Ticker(options.view) as ticker:
@@ -140,10 +152,14 @@ def main() -> int:
                 gallery.add(view)
                 rig.watch(view)
                 ticker.show(log)
+                if recorder is not None:
+                    recorder.drove(view, log, rig.robot)
 
             def on_refusal(frame: Frame | None, why: str, log: DriveLog) -> None:
                 rig.refuse(why)
                 ticker.show(log)
+                if recorder is not None:
+                    recorder.refused(frame, why, log, rig.robot)
 
             wall_s = options.max_wall or max(options.max_time, LONGEST_WALL_S)
             log, code = drive(
@@ -159,6 +175,8 @@ def main() -> int:
                 on_refusal=on_refusal,
             )
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # the motors stand; what is left takes a second
+        if recorder is not None:
+            recorder.ended(log, rig.robot)
         result = {
             "camera": options.camera,
             "robot": options.robot,
@@ -168,6 +186,8 @@ def main() -> int:
             **rig.truth(log),
             "link": rig.link_counters(),
         }
+    if recorder is not None:
+        result["recording"] = recorder.summary()
     folder = new_run_folder(RUNS, time.strftime("%Y%m%d-%H%M%S"))
     write_json(result, folder / "result.json")
     if options.json is not None:
@@ -175,6 +195,15 @@ def main() -> int:
     gallery.write(folder, pilot.map, config.body, goal_cm, log)
     print_summary(result, folder)
     return code
+
+
+def open_recorder(path: Path | None) -> AbstractContextManager[Recorder | None]:
+    """A recorder where a recording is asked for, else None."""
+    if path is None:
+        return nullcontext()
+    from host.record.recorder import Recorder
+
+    return Recorder(path)
 
 
 def _joined_goals(arguments: list[str]) -> list[str]:
@@ -276,6 +305,9 @@ def _summary_rows(result: dict[str, Any]) -> list[tuple[str, str]]:
     rows += [(f"  of it {stage}", spread(times)) for stage, times in result["stage_ms"].items()]
     rows.append(("exposure to command", spread(result["latency_ms"])))
     rows.append(("stops on the way", str(result["times_stopped"])))
+    if "recording" in result:
+        made = result["recording"]
+        rows.append(("recording", f"{made['file']}, {made['frames']} pictures, {made['bytes'] / 1e6:.1f} MB"))
     if result["times_forgotten"]:
         rows.append(("carried off or slipped", f"{result['times_forgotten']} times: map begun anew"))
     lost = len(result["reconnections"])

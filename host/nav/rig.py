@@ -16,6 +16,7 @@ from host.errors import UsageError
 from host.link.clock import Clock, SystemClock
 from host.link.ports import RobotPort
 from host.link.robot import Robot
+from host.link.transport import Transport
 from host.nav.pilot import View
 from host.nav.result import DriveLog
 from host.sim.board import Line
@@ -91,11 +92,16 @@ class Rig:
 
 @contextmanager
 def open_rig(
-    camera_uri: str, robot_uri: str, lens_file: Path | None, real_time: bool = False
+    camera_uri: str,
+    robot_uri: str,
+    lens_file: Path | None,
+    real_time: bool = False,
+    tap: Callable[[Transport, Clock], Transport] | None = None,
 ) -> Iterator[Rig]:
     """Open everything and connect; close it all at the end, motors first.
 
-    With `real_time` a simulation does not run as fast as it can, but so that somebody can watch.
+    With `real_time` a simulation does not run as fast as it can, but so that somebody can watch. What `tap`
+    makes of the line to the robot takes its place, also of one that is opened anew.
 
     Raises
     ------
@@ -104,6 +110,7 @@ def open_rig(
     DeviceError
         Camera or robot do not answer.
     """
+    tap = tap or (lambda line, clock: line)
     simulated = is_simulated(robot_uri)
     if simulated:
         parse_robot(robot_uri)
@@ -116,7 +123,9 @@ def open_rig(
     if simulated:
         avr, body_seed, body = parse_robot(robot_uri, world_from_uri(camera_uri).seed)
         simulation = Simulation(camera_uri, body=body, body_seed=body_seed, avr=avr, real_time=real_time)
-        with Robot(simulation.transport, simulation.clock, lambda: Line(simulation.board)) as robot:
+        clock = simulation.clock
+        line = tap(simulation.transport, clock)
+        with Robot(line, clock, lambda: tap(Line(simulation.board), clock)) as robot:
             robot.connect()
             world = simulation.world
             rig = Rig(
@@ -131,7 +140,7 @@ def open_rig(
             raise UsageError(f"camera {camera_uri}: its lens is not known; name its camera.json with --lens")
         clock = SystemClock()
         port = RobotPort(robot_uri)
-        with Robot(port.open(), clock, port.open) as robot:
+        with Robot(tap(port.open(), clock), clock, lambda: tap(port.open(), clock)) as robot:
             robot.connect()
             yield Rig(camera, robot, clock, camera.lens, None, None)
     finally:

@@ -61,6 +61,7 @@ class Route:
     """One goal after the other; over at the last, or where one cannot be reached."""
 
     def __init__(self, goals_cm: list[tuple[float, float]]) -> None:
+        self.goals_cm = tuple(goals_cm)  # all of them, whatever was reached
         self._goals = list(goals_cm)
         self._plan = Plan()
 
@@ -181,7 +182,7 @@ class Approach:
     """Straight on, until the rim is a given distance before what is ahead, seen or remembered."""
 
     def __init__(self, stop_cm: float) -> None:
-        self._stop_cm = stop_cm
+        self.stop_cm = stop_cm
         self._heading: float | None = None
         self._profile: Profile | None = None
         self._sight_s = -math.inf  # of the newest that the profile knows
@@ -205,13 +206,13 @@ class Approach:
         if (back := self._step_back(obstacle_map, camera.t_s, (x, z), heading)) is not None:
             return back
         ahead, met = self._ahead(obstacle_map, profile, (x, z), heading)
-        if met and ahead.room_cm - self._stop_cm < ARRIVED_CM:
+        if met and ahead.room_cm - self.stop_cm < ARRIVED_CM:
             return Command(0.0, 0.0, f"{ahead.room_cm:.1f} cm before {ahead}", "approached")
         first = not met and math.dist(self._start, (x, z)) < FIRST_CM
-        if first and ahead.room_cm > max(FIRST_ROOM_CM, self._stop_cm):
+        if first and ahead.room_cm > max(FIRST_ROOM_CM, self.stop_cm):
             reason = "creep: first steps to give depth its baseline"
             return Command(10 * config.creep_cm_s, omega, reason)
-        v, reason = speed_ahead(ahead, obstacle_map, config.clearance_cm if ahead.edge else self._stop_cm)
+        v, reason = speed_ahead(ahead, obstacle_map, config.clearance_cm if ahead.edge else self.stop_cm)
         if met and v == 0.0:
             v, reason = SLOWEST_CM_S, f"creep: {ahead}, {ahead.room_cm:.1f} cm from the rim"
         too_near = ahead.obstacle is not None and ahead.obstacle.how == AT_BORDER
