@@ -59,13 +59,19 @@ def read_config(path: Path) -> Config:
     """
     try:
         text = path.read_text(encoding="utf-8")
-        tables = tomllib.loads(text)
     except FileNotFoundError as error:
         raise UsageError(f"{path}: no such configuration file; check --config") from error
     except OSError as error:
         raise UsageError(f"{path}: cannot be read ({error.strerror}); check --config") from error
     except UnicodeDecodeError as error:
         raise UsageError(f"{path}: is not text; it must be TOML in UTF-8") from error
+    return parse_config(text, path)
+
+
+def parse_config(text: str, path: Path) -> Config:
+    """What a robot.toml says; `path` is where it was found, for errors, which are those of `read_config`."""
+    try:
+        tables = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise UsageError(f"{path}: not valid TOML: {error}; correct it there") from error
     except (RecursionError, ValueError) as error:  # lists in lists in lists; a number of thousands of digits
