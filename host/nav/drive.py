@@ -21,6 +21,7 @@ from host.nav.pilot import Pilot, Stages, View
 from host.nav.result import DriveLog, LostAndFound
 from host.nav.slip import WheelWatch
 from host.nav.steer import Command
+from host.nav.trace import Took, damaged
 from host.nav.watch import FrameWatch
 
 PICTURE_S = 0.07  # without a new picture for this long the wheels are steered on by the last one
@@ -77,7 +78,7 @@ def drive(
     -------
     (log, exit code)
     """
-    log = DriveLog()
+    log = DriveLog(began_s=clock.now_s())
     trip = _Trip(camera, robot, clock, pilot, config, log, on_view, on_refusal)
     begin_s, begin_wall_s = clock.now_s(), time.monotonic()
     code = EXIT_DONE
@@ -188,8 +189,8 @@ class _Trip:
             command = Command(0.0, 0.0, f"stop: {waiting}")
         with stages.of("wheels"):
             self._obey(command)
-        self.log.frame_ms.add(1e3 * (time.perf_counter() - began_s))
-        self.log.latency_ms.add(1e3 * (self.clock.now_s() - frame.t_s))
+        frame_ms = 1e3 * (time.perf_counter() - began_s)
+        self.log.took(Took(frame_ms, 1e3 * (self.clock.now_s() - frame.t_s), stages.ms | view.stage_ms))
         self._note(replace(view, command=command, stage_ms=stages.ms | view.stage_ms))
         self._end_where_over(command)
 
@@ -364,6 +365,7 @@ class _Trip:
         log.refused_frames += 1
         log.decide(now_s - self.begin_s, 0.0, 0.0, f"stop: {objection}")
         log.duration_s = now_s - self.begin_s
+        self._trace(Command(0.0, 0.0, objection))
         self.on_refusal(frame, objection, log)
         if now_s - self.seeing_s > BLIND_S:
             raise _Ended("stopped", f"nothing to drive on for {BLIND_S:g} s: {objection}", EXIT_DEVICE)
@@ -386,12 +388,19 @@ class _Trip:
     def _note(self, view: View) -> None:
         log, command = self.log, view.command
         log.distance_cm += self.pilot.path_step_cm(log.last_pose, view.pose)
-        log.spent(view.stage_ms)
         log.limited_frames += bool(view.snapshot.limits)
         log.be_at(view.pose, view.dead_reckoning)
         log.duration_s = self.clock.now_s() - self.begin_s
         log.decide(log.duration_s, command.v_mm_s, command.omega_rad_s, command.reason)
+        log.trace.see(view.frame.t_s - self.begin_s, view.depths)
+        self._trace(command)
         self.on_view(view, log)
+
+    def _trace(self, command: Command) -> None:
+        log, robot = self.log, self.robot
+        told = command.v_mm_s, command.omega_rad_s
+        lost = damaged(robot.counters, robot.robot_counters)
+        log.trace.note(log.duration_s, log.last_pose, told, robot.latest, lost)
 
 
 class _Often:

@@ -13,6 +13,7 @@ from typing import Any
 from host.errors import UsageError
 from host.nav.histogram import Histogram
 from host.nav.odometry import heading_of
+from host.nav.trace import Took, Trace
 from host.pose import Pose
 from host.record.atomic import write_whole
 
@@ -22,6 +23,7 @@ REAL_TIMES = ("frame_time_ms", "stage_ms", "latency_ms")
 MOST_DECISIONS = 2000  # entries kept: the first tenth of them, and the newest
 MOST_PLACES = 2000  # of the path
 PLACE_CM, PLACE_RAD = 1.0, math.radians(10)  # a new place of the path differs by this much
+NUMBERS = re.compile(r"\[\n[\d\s,.eE+-]*(?:null[\d\s,.eE+-]*)*\]")  # of JSON, to go on one line
 NUMBER = re.compile(r"(?<!region )(?<![\w.])-?\d+(\.\d+)?")  # a region's is a name
 
 
@@ -82,6 +84,8 @@ class DriveLog:
     frame_ms: Histogram = field(default_factory=Histogram)  # from having a picture to its command
     stage_ms: dict[str, Histogram] = field(default_factory=dict)
     latency_ms: Histogram = field(default_factory=Histogram)  # exposure to command, on the camera's clock
+    began_s: float = 0.0  # on the camera's clock
+    trace: Trace = field(default_factory=Trace)
     _stands: bool = True
     _place_cm: float = PLACE_CM
 
@@ -114,6 +118,13 @@ class DriveLog:
         turned = abs(math.remainder(heading_of(new) - heading_of(old), math.tau))
         return way_cm >= self._place_cm or (self._place_cm == PLACE_CM and turned >= PLACE_RAD)
 
+    def took(self, took: Took) -> None:
+        """Note the real times of a picture that was driven on."""
+        self.frame_ms.add(took.frame_ms)
+        self.latency_ms.add(took.latency_ms)
+        self.spent(took.stage_ms)
+        self.trace.took(took)
+
     def spent(self, stage_ms: dict[str, float]) -> None:
         """Note the real time each stage took."""
         for stage, ms in stage_ms.items():
@@ -143,6 +154,9 @@ class DriveLog:
             "frame_time_ms": self.frame_ms.summary(),
             "stage_ms": {stage: times.summary() for stage, times in self.stage_ms.items()},
             "latency_ms": self.latency_ms.summary(),
+            "began_s": round(self.began_s, 4),
+            "trace": self.trace.as_dict(),
+            "depths_over_time": self.trace.depths_as_dict(),
             "decisions": [asdict(d) for d in self.decisions],
             "decisions_left_out": self.decisions_left_out,
         }
@@ -170,7 +184,9 @@ def pose_as_dict(pose: Pose) -> dict[str, float]:
 
 def write_json(result: dict[str, Any], path: Path) -> None:
     """Write whole or not at all; UsageError where the place does not allow it."""
-    write_whole(path, (json.dumps(result, indent=1, allow_nan=False) + "\n").encode())
+    text = json.dumps(result, indent=1, allow_nan=False)
+    text = NUMBERS.sub(lambda row: re.sub(r"\s+", " ", row[0]), text)
+    write_whole(path, (text + "\n").encode())
 
 
 def new_run_folder(runs: Path, name: str) -> Path:
