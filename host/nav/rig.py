@@ -28,7 +28,7 @@ from host.sim.session import Simulation
 
 TRUTHS = (
     "collisions", "run_into", "min_clearance_cm", "true_distance_cm", "room_ahead_cm", "final_pose_error",
-    "dead_reckoning_error", "depth_errors", "depths", "stops",
+    "dead_reckoning_error", "depth_errors", "depths", "stops", "true_path",
 )  # fmt: skip
 
 
@@ -77,8 +77,9 @@ class Rig:
             {"t_s": round(s.t_s, 3), "reason": s.reason, "true_room_cm": s.true_room_cm, "false": s.is_false}
             for s in self.score.stops
         ]
+        way = [[round(t_s, 3), round(x, 2), round(z, 2)] for t_s, x, z in self.score.way]
         summary = self.score.summary(log.last_pose, log.last_dead_reckoning)
-        return {**summary, "depths": depths, "stops": stops}
+        return {**summary, "depths": depths, "stops": stops, "true_path": way}
 
     def link_counters(self) -> dict[str, Any]:
         """What both ends of the line saw go wrong."""

@@ -130,12 +130,15 @@ class Score:
     ----------
     samples : list[DepthSample]
         From the frames that were looked at, one each half second.
+    way : list[tuple[float, float, float]]
+        Time, x and z in cm of the camera at the same times.
     stops : list[Stop]
         Every change from driving or turning to standing that does not end the drive.
     """
 
     def __init__(self, simulation: Simulation) -> None:
         self.samples: list[DepthSample] = []
+        self.way: list[tuple[float, float, float]] = []
         self.stops: list[Stop] = []
         self._moves = False
         self._simulation = simulation
@@ -147,8 +150,10 @@ class Score:
         if t_s - self._looked_s < DEPTH_EVERY_S:
             return
         self._looked_s = t_s
+        pose = self._simulation.true_pose(t_s)
+        self.way.append((t_s, float(pose.position_cm[0]), float(pose.position_cm[2])))
         renderer = self._simulation.renderer_at(t_s)
-        truth = renderer.truth(self._simulation.true_pose(t_s), areas=False)
+        truth = renderer.truth(pose, areas=False)
         self.samples += score_depths(snapshot, report, truth, renderer.background_ids, t_s)
 
     def hear(self, moves: bool, reason: str) -> None:

@@ -33,6 +33,7 @@ svg.plot .line { fill: none; stroke: var(--c); stroke-width: 1.5; stroke-linejoi
 svg.plot .thick { stroke-width: 4; } svg.plot .dashed { stroke-dasharray: 3 3; }
 svg.plot .band { fill: var(--c); opacity: 0.2; } svg.plot .dot, svg.plot .bar { fill: var(--c); }
 svg.plot .whisker { stroke: var(--c); opacity: 0.5; }
+svg.plot .ring { fill: transparent; stroke: var(--c); }
 svg.plot .over { fill: transparent; } svg.plot .over:hover { fill: var(--c); }
 svg.plot image { image-rendering: pixelated; }
 """
@@ -47,7 +48,7 @@ class Series:
     y: list[float]
     sigma: list[float] = field(default_factory=list)  # of y: a band around a line, a whisker through a point
     titles: list[str] = field(default_factory=list)  # shown where the pointer rests; else the numbers are
-    look: Literal["", "points", "dashed", "thick"] = ""  # unlike the others of its plot
+    look: Literal["", "points", "rings", "dashed", "thick"] = ""  # unlike the others of its plot
     colour: int | None = None  # of STYLE's, instead of the next
 
 
@@ -232,8 +233,10 @@ class _Chart:
             yield from self._steps(one)
             return
         runs = [list(run) for placed, run in groupby(points, self._placed) if placed]
-        if self.plot.kind == "points" or one.look == "points":
-            yield from self._dots([p for run in runs for p in run], "dot", 2.2 if len(points) <= 200 else 1.4)
+        if self.plot.kind == "points" or one.look in ("points", "rings"):
+            radius = 4.5 if self.plot.kind == "plan" else 2.2 if len(points) <= 200 else 1.4
+            look = "ring" if one.look == "rings" else "dot"
+            yield from self._dots([p for run in runs for p in run], look, radius)
             return
         for run in runs:
             if any(sigma for _, _, sigma, _ in run):
