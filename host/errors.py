@@ -13,6 +13,7 @@ EXIT_USAGE = 2
 EXIT_INPUT = 3
 EXIT_DEVICE = 4
 EXIT_SAFETY = 5
+EXIT_DIFFERENT = 6  # a replay came to something else than the drive did
 EXIT_INTERRUPTED = 130
 
 
@@ -38,6 +39,11 @@ class DeviceError(RobotError):
     """The camera or the link does not answer."""
 
     exit_code = EXIT_DEVICE
+
+
+def tell(text: str) -> None:
+    """One line for the person at the terminal: nothing is wrong, or not so wrong as to end the program."""
+    print(text, file=sys.stderr, flush=True)
 
 
 def begin_command() -> None:

@@ -13,8 +13,8 @@ from host.record.mcap_reader import Recording
 class PlayedCamera:
     """The pictures of a recording, a ``host.camera.frame.FrameSource``; never waits, drops none.
 
-    Also those come that were refused live. Their numbers are the live camera's, so that what it dropped can be
-    told; the lens is the recording's.
+    Also those come that were refused live. Their numbers are the live camera's, so that what it dropped can
+    be told; the lens is the recording's.
 
     Raises
     ------
