@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import os
-import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
-from host.errors import DeviceError, UsageError
+from host.by_id import lasting_names
+from host.errors import DeviceError, UsageError, tell
 from host.link.protocol import PROTOCOL_VERSION, SCHEMA_HASH, Decoder, Hello, HelloRequest, encode
 from host.link.serial_port import SerialPort
 
@@ -54,7 +54,7 @@ def list_devices() -> list[SerialDevice]:
     """The serial ports of this machine, likeliest first."""
     from serial.tools import list_ports
 
-    names = _lasting_names()
+    names = lasting_names(BY_ID)
     devices = []
     for port in list_ports.comports():
         usb = None if port.vid is None or port.pid is None else (port.vid, port.pid)
@@ -65,14 +65,6 @@ def list_devices() -> list[SerialDevice]:
         lasting_name = names.get(os.path.realpath(port.device))
         devices.append(SerialDevice(port.device, what, usb, port.serial_number, port.location, lasting_name))
     return sorted(devices, key=lambda device: (not device.likely, device.usb is None, device.path))
-
-
-def _lasting_names() -> dict[str, str]:
-    try:
-        names = sorted(os.listdir(BY_ID))
-    except OSError:  # no udev, or nothing plugged in
-        return {}
-    return {os.path.realpath(f"{BY_ID}/{name}"): f"{BY_ID}/{name}" for name in names}
 
 
 @dataclass
@@ -203,11 +195,6 @@ def find_robot(devices: Sequence[SerialDevice]) -> Answer:
     raise DeviceError(f"robot {AUTO}: none answers. {'. '.join(map(str, asked))}")
 
 
-def tell_on_stderr(text: str) -> None:
-    """One line for the person at the terminal."""
-    print(text, file=sys.stderr, flush=True)
-
-
 class RobotPort:
     """Where a robot is plugged in: a port that is named, or looked for by ``auto``.
 
@@ -233,7 +220,7 @@ class RobotPort:
         self,
         robot: str,
         devices: Callable[[], list[SerialDevice]] = list_devices,
-        tell: Callable[[str], None] = tell_on_stderr,
+        tell: Callable[[str], None] = tell,
     ) -> None:
         self.name = robot
         self._devices, self._tell = devices, tell

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from host.camera.lens import Lens
-from host.camera.source import LiveCamera, open_camera
+from host.camera.live import LiveCamera, Shot
+from host.camera.source import open_camera
 from host.errors import DeviceError, InputError, UsageError
 
 
@@ -31,12 +32,12 @@ class ScriptedCapture:
             time.sleep(0.001)
         time.sleep(0.02)  # until the thread has taken the last one in
 
-    def read(self) -> tuple[bool, np.ndarray | None]:
+    def read(self) -> Shot | None:
         self.due.acquire()
         if self.unplugged:
-            return False, None
+            return None
         self.count += 1
-        return True, np.full((4, 4, 3), self.count, np.uint8)
+        return Shot(np.full((4, 4, 3), self.count, np.uint8), time.monotonic())
 
     def release(self) -> None:
         self.released = True

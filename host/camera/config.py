@@ -1,0 +1,26 @@
+"""What a user may want of a webcam."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from host.ranges import check_ranges
+
+RANGES = {"width": (16, 20000), "height": (16, 20000), "fps": (1.0, 1000.0), "exposure": (0, 100000)}
+
+
+@dataclass(frozen=True)
+class CameraConfig:
+    """What a webcam is asked for. A simulated camera, a file and a stream are as they are."""
+
+    width: int = 640
+    """pixels; with a calibrated lens its size is asked for instead"""
+    height: int = 480
+    fps: float = 30.0  # pictures a second
+    lock: bool = True
+    """hold exposure, white balance, gain and focus still, as measuring by colour and size needs it"""
+    exposure: int = 0
+    """to lock it at, in the camera's own units, often 0.1 ms; 0: as bright as automatic exposure is"""
+
+    def __post_init__(self) -> None:
+        check_ranges(self, RANGES)
