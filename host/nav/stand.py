@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -36,6 +37,7 @@ LEAST_COLUMNS = 3
 MIXED = 2  # a region that is floor up to a foot, beside 1 for floor and 0 for all else
 CUT_PART = 0.25  # with a larger part of its feet below the image, the others are a thing's sides or slivers
 AT_BORDER = "at the lower border"  # it is there or nearer, and nothing says how much nearer
+NO_COLUMNS = np.empty(0, np.int64)
 SURE, FAIR, FAINT = 1.0, 0.5, 0.25  # log-odds a frame is worth: depth and foot agree; one alone; they do not
 
 
@@ -104,6 +106,11 @@ class Feet:
         heading = heading_of(pose)
         self._ahead = math.sin(heading), math.cos(heading)
         self._from = float(pose.position_cm[0]), float(pose.position_cm[2])
+        self._seen, self._below = _by_region(self.region, ~self.cut), _by_region(self.region, self.cut)
+
+    def columns_of(self, region: int) -> tuple[np.ndarray, np.ndarray]:
+        """Columns in which a region's foot is seen, and in which it is below the image."""
+        return self._seen.get(region, NO_COLUMNS), self._below.get(region, NO_COLUMNS)
 
     def width_cm(self, columns: np.ndarray, depth_cm: float) -> float:
         """Width of what spans these columns at a depth."""
@@ -115,6 +122,15 @@ class Feet:
         sine, cosine = self._ahead
         x, z = self._from
         return x + depth_cm * sine + side * cosine, z + depth_cm * cosine - side * sine
+
+
+def _by_region(region: np.ndarray, mask: np.ndarray) -> dict[int, np.ndarray]:
+    """The columns of a mask for every region, in order."""
+    columns = np.flatnonzero(mask)
+    columns = columns[np.argsort(region[columns], kind="stable")]
+    ids = region[columns]
+    ends = [*(np.flatnonzero(ids[1:] != ids[:-1]) + 1).tolist(), len(ids)]
+    return {int(ids[a]): columns[a:b] for a, b in pairwise([0, *ends]) if b > a}
 
 
 def stand_of(
@@ -135,8 +151,7 @@ def stand_of(
     """
     measured = None if moving or mixed else usable_depth(report, region_id)  # true of things at rest
     covered = np.flatnonzero(feet.region == region_id) if mixed else picture.columns_of(region_id)
-    mine = feet.region == region_id
-    columns, cut = np.flatnonzero(mine & ~feet.cut), np.flatnonzero(mine & feet.cut)
+    columns, cut = feet.columns_of(region_id)
     mostly_cut = len(cut) >= LEAST_COLUMNS and len(cut) > CUT_PART * (len(columns) + len(cut))
     if len(columns) >= LEAST_COLUMNS and (not mostly_cut or _is_straight_wall(feet, columns, covered)):
         return _on_its_feet(region_id, measured, feet, columns, covered)
@@ -157,7 +172,7 @@ def stand_of(
 def _is_straight_wall(feet: Feet, columns: np.ndarray, covered: np.ndarray) -> bool:
     """Whether the feet in these columns lie on one line that goes on below the image."""
     slopes = feet.slope[columns]
-    nearest = _quantile(np.sort(slopes), 0.9)
+    nearest = quantile(np.sort(slopes), 0.9)
     if feet.width_cm(covered, feet.height_cm / nearest) <= WALL_CM:
         return False
     return _straight_line(columns, slopes) is not None
@@ -172,7 +187,7 @@ def _straight_line(columns: np.ndarray, slopes: np.ndarray) -> tuple[float, floa
     return (mean - rise * middle, rise) if math.sqrt(float(off @ off) / len(off)) < STRAIGHT else None
 
 
-def _quantile(ordered: np.ndarray, part: float) -> float:
+def quantile(ordered: np.ndarray, part: float) -> float:
     """Of values in order, between its neighbours in proportion."""
     place = part * (len(ordered) - 1)
     k = int(place)
@@ -189,7 +204,7 @@ def _on_its_feet(
 ) -> Standing | None:
     slopes = feet.slope[columns]
     ordered = np.sort(slopes)
-    nearest = _quantile(ordered, 0.9)
+    nearest = quantile(ordered, 0.9)
     wall = feet.width_cm(covered, feet.height_cm / nearest) > WALL_CM
     foot_slope = float(slopes.mean()) if wall else nearest
     slope, sigma, how, weight = _agreed(foot_slope, measured, feet.height_cm)
@@ -205,7 +220,7 @@ def _on_its_feet(
         depth = feet.height_cm / np.maximum(slopes, feet.height_cm / FARTHEST_CM)
         return Standing(region, columns, depth, z, sigma_cm, how, weight)
     bulge = round_cm = 0.0
-    if _quantile(ordered, 0.1) < HANGING * nearest:
+    if quantile(ordered, 0.1) < HANGING * nearest:
         touching = float((slopes > nearest / TOUCHING).sum()) / len(covered)
         round_cm = 0.5 * feet.width_cm(covered, z)
         bulge = (1 - touching) * round_cm

@@ -15,7 +15,7 @@ from functools import cached_property
 
 import numpy as np
 
-from host.nav.stand import CUT_PART, Feet
+from host.nav.stand import CUT_PART, Feet, quantile
 
 OVER_S = 0.7  # a velocity is that over so long
 LEAST_S = 0.3
@@ -190,7 +190,7 @@ class Tracks:
 
     def _see_on_line(self, region: int, feet: Feet, t_s: float) -> None:
         """Something whose foot is below the picture, on a line that is known, where the mover should be."""
-        columns = np.flatnonzero((feet.region == region) & feet.cut)
+        columns = feet.columns_of(region)[1]
         if len(columns) < LEAST_COLUMNS or columns[0] == 0 or columns[-1] == len(feet.region) - 1:
             return
         middle = int(columns[len(columns) // 2])
@@ -291,11 +291,10 @@ def _on_its_line(mover: Mover, place: tuple[float, float]) -> Mover:
 
 
 def _sight_of(region: int, feet: Feet, t_s: float) -> _Sight | None:
-    mine = feet.region == region
-    own = np.flatnonzero(mine & ~feet.cut)
-    if len(own) < LEAST_COLUMNS or len(own) < (1 - CUT_PART) * int(mine.sum()):
+    own, cut = feet.columns_of(region)
+    if len(own) < LEAST_COLUMNS or len(own) < (1 - CUT_PART) * (len(own) + len(cut)):
         return None
-    depth = feet.height_cm / float(np.quantile(feet.slope[own], 0.9))
+    depth = feet.height_cm / quantile(np.sort(feet.slope[own]), 0.9)
     width = feet.width_cm(own, depth)
     if depth > FARTHEST_CM or width > WIDEST_CM:
         return None
@@ -315,11 +314,12 @@ def _sight_of(region: int, feet: Feet, t_s: float) -> _Sight | None:
     ]
     if ends == [None, None]:
         return None
-    eye, front = np.array(feet.point(left, 0.0)), np.array(feet.point((left + right) // 2, depth))
-    ray = (front - eye) / np.hypot(*(front - eye))
+    eye, front = feet.point(left, 0.0), feet.point((left + right) // 2, depth)
+    away = math.dist(eye, front)
+    ray = (front[0] - eye[0]) / away, (front[1] - eye[1]) / away
     half = width / 2
     moved = [None if end is None else (end[0] - half * ray[0], end[1] - half * ray[1]) for end in ends]
-    return _Sight(t_s, moved[0], moved[1], depth, (float(ray[0]), float(ray[1])))
+    return _Sight(t_s, moved[0], moved[1], depth, ray)
 
 
 def _even_motion(seen: list[_Sight], known: bool) -> tuple[float, float] | None:
@@ -327,37 +327,46 @@ def _even_motion(seen: list[_Sight], known: bool) -> tuple[float, float] | None:
 
     One edge is enough of what is known to move; of a wall that is seen in part one edge wanders.
     """
-    ways = []
-    for side in ("left", "right"):
-        points = [(s.t_s, *end) for s in seen if (end := getattr(s, side)) is not None]
-        if len(points) >= LEAST_SIGHTINGS and len(points) > 0.8 * len(seen):
-            ways.append(np.array(points))
+    sides = [(s.t_s, s.left) for s in seen], [(s.t_s, s.right) for s in seen]
+    ways = [[(t_s, *end) for t_s, end in side if end is not None] for side in sides]
+    ways = [way for way in ways if len(way) >= LEAST_SIGHTINGS and len(way) > 0.8 * len(seen)]
+    if len(ways) < (1 if known else 2):
+        return None
     fits = [fit for way in ways if (fit := _line(way, seen[-1])) is not None]
-    if len(ways) < (1 if known else 2) or len(fits) < len(ways):
+    if len(fits) < len(ways):
         return None
-    velocity = np.mean(fits, axis=0)
-    if float(np.hypot(*velocity)) > FASTEST_CM_S:
+    velocity = sum(x for x, _ in fits) / len(fits), sum(z for _, z in fits) / len(fits)
+    speed = math.hypot(*velocity)
+    if speed > FASTEST_CM_S:
         return None
-    if len(fits) == 2 and np.hypot(*(fits[0] - fits[1])) > UNLIKE * np.hypot(*velocity):
+    if len(fits) == 2 and math.dist(*fits) > UNLIKE * speed:
         return None
-    return float(velocity[0]), float(velocity[1])
+    return velocity
 
 
-def _line(way: np.ndarray, last: _Sight) -> np.ndarray | None:
-    if way[-1, 0] - way[0, 0] < LEAST_S:
+def _line(way: list[tuple[float, float, float]], last: _Sight) -> tuple[float, float] | None:
+    """Velocity (x, z) of places (time, x, z); None where it is not even, or too slow to be no error."""
+    if way[-1][0] - way[0][0] < LEAST_S:
         return None
-    t = way[:, 0] - way[:, 0].mean()
-    places = way[:, 1:] - way[:, 1:].mean(axis=0)
-    velocity = t @ places / (t @ t)
-    ray = np.array(last.ray)
-    across = np.array([ray[1], -ray[0]])
-    stray = places - t[:, None] * velocity
-    stray_aside = float(np.sqrt(((stray @ across) ** 2).mean()))
-    stray_along = float(np.sqrt(((stray @ ray) ** 2).mean()))
+    count = len(way)
+    middle_s, middle_x, middle_z = (sum(values) / count for values in zip(*way, strict=True))
+    ray_x, ray_z = last.ray
+    # since the middle of the times, and from the middle of the places: along the ray, and aside to the right
+    steps = [
+        (t_s - middle_s, (x - middle_x) * ray_x + (z - middle_z) * ray_z,
+         (x - middle_x) * ray_z - (z - middle_z) * ray_x)
+        for t_s, x, z in way
+    ]  # fmt: skip
+    lever2 = sum(t * t for t, _, _ in steps)
+    along = sum(t * a for t, a, _ in steps) / lever2
+    aside = sum(t * b for t, _, b in steps) / lever2
+    stray_along = math.sqrt(sum((a - t * along) ** 2 for t, a, _ in steps) / count)
+    stray_aside = math.sqrt(sum((b - t * aside) ** 2 for t, _, b in steps) / count)
     if stray_aside > STRAY_CM or stray_along > STRAY_SHARE * last.depth_cm:
         return None
-    lever = math.sqrt(float(t @ t))
-    aside, along = abs(float(velocity @ across)), abs(float(velocity @ ray))
-    goes_aside = aside > max(ASIDE_CM_S, ASIDE_SHARE * last.depth_cm, SURE_SIGMAS * stray_aside / lever)
-    goes_along = along > max(ALONG_CM_S, ALONG_SHARE * last.depth_cm, SURE_SIGMAS * stray_along / lever)
-    return velocity if goes_aside or goes_along else None
+    sure = SURE_SIGMAS / math.sqrt(lever2)
+    goes_aside = abs(aside) > max(ASIDE_CM_S, ASIDE_SHARE * last.depth_cm, sure * stray_aside)
+    goes_along = abs(along) > max(ALONG_CM_S, ALONG_SHARE * last.depth_cm, sure * stray_along)
+    if not goes_aside and not goes_along:
+        return None
+    return along * ray_x + aside * ray_z, along * ray_z - aside * ray_x
