@@ -23,6 +23,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
+from host.camera.config import WebcamConfig
 from host.depth.config import DepthConfig
 from host.errors import UsageError, run_command
 from host.nav.config import BodyConfig, NavConfig
@@ -44,6 +45,7 @@ class Config:
     depth: DepthConfig = field(default_factory=DepthConfig)
     body: BodyConfig = field(default_factory=BodyConfig)
     nav: NavConfig = field(default_factory=NavConfig)
+    webcam: WebcamConfig = field(default_factory=WebcamConfig)
 
 
 SECTIONS: dict[str, type] = typing.get_type_hints(Config)

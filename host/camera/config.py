@@ -10,12 +10,12 @@ RANGES = {"width": (16, 20000), "height": (16, 20000), "fps": (1.0, 1000.0), "ex
 
 
 @dataclass(frozen=True)
-class CameraConfig:
-    """What a webcam is asked for. A simulated camera, a file and a stream are as they are."""
+class WebcamConfig:
+    """What a webcam is asked for. Other cameras are as they are."""
 
     width: int = 640
     """pixels; with a calibrated lens its size is asked for instead"""
-    height: int = 480
+    height: int = 480  # pixels; the same
     fps: float = 30.0  # pictures a second
     lock: bool = True
     """hold exposure, white balance, gain and focus still, as measuring by colour and size needs it"""

@@ -138,7 +138,7 @@ def _match(
         _try_set(driver, value, setting)
     tell(
         f"camera {device}: with {value.name}={_try_get(driver, value)} its brightness is {now:.0f}, "
-        f"automatically {bright:.0f}; set camera.exposure to try other values, or make more light"
+        f"automatically {bright:.0f}; set webcam.exposure to try other values, or make more light"
     )
 
 

@@ -1,4 +1,4 @@
-"""From a camera's name to a source of frames: a webcam, a network camera, a video or a folder of images."""
+"""From a camera's name to a source of frames: webcam, network camera, video, folder of images, recording."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 
 import cv2
 
-from host.camera.config import CameraConfig
+from host.camera.config import WebcamConfig
 from host.camera.files import ImageFolder, VideoFile
 from host.camera.frame import FrameSource
 from host.camera.lens import Lens
@@ -22,7 +22,8 @@ cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_ERROR)
 FIRST_FRAME_S = 5.0
 STREAMS = ("http://", "https://")
 KINDS = (
-    "a number for a webcam, /dev/videoN, http://... for an MJPEG stream, a video file or a folder of images"
+    "a number for a webcam, /dev/videoN, http://... for an MJPEG stream, a video file, a folder of images or "
+    "a recording .mcap"
 )
 
 
@@ -34,7 +35,7 @@ def is_live(uri: str) -> bool:
 def open_camera(
     uri: str,
     lens: Lens | None = None,
-    config: CameraConfig | None = None,
+    config: WebcamConfig | None = None,
     tell: Callable[[str], None] = tell,
 ) -> FrameSource:
     """Open the camera that `uri` names.
@@ -42,10 +43,10 @@ def open_camera(
     Parameters
     ----------
     uri
-        ``0`` or ``/dev/video0`` for a webcam, ``http://...`` for an MJPEG stream, a video file, or a folder
-        of images.
+        ``0`` or ``/dev/video0`` for a webcam, ``http://...`` for an MJPEG stream, a video file, a folder of
+        images, or a recording ``run.mcap``.
     lens
-        Intrinsics; a folder's camera.json comes before it.
+        Intrinsics; those of a folder's camera.json or of a recording come before it.
     config
         What a webcam is asked for.
     tell
@@ -71,7 +72,7 @@ def open_camera(
     if is_live(uri):
         device = Path(uri if uri.startswith("/dev/") else f"/dev/video{uri}")
         lasting = lasting_path(device)  # found again by this where it is plugged in anew
-        settings = config or CameraConfig()
+        settings = config or WebcamConfig()
         return _live(
             str(device),
             lens,
@@ -82,6 +83,10 @@ def open_camera(
     path = Path(uri)
     if os.path.isdir(path):  # Path.is_dir raises where a name is too long
         return ImageFolder(path, lens)
+    if path.suffix == ".mcap":
+        from host.record.playback import PlayedCamera  # here, because mcap takes a while to load
+
+        return PlayedCamera(path)
     if os.path.isfile(path):
         return VideoFile(path, lens)
     raise InputError(f"camera {uri}: no such file or folder; give {KINDS}")

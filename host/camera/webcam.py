@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from host.by_id import lasting_names
-from host.camera.config import CameraConfig
+from host.camera.config import WebcamConfig
 from host.camera.jpeg import START, decode_jpeg, without_padding
 from host.camera.lens import Lens
 from host.camera.live import Shot
@@ -84,7 +84,7 @@ def lasting_path(device: Path) -> Path:
     return Path(lasting_names(BY_ID).get(os.path.realpath(device), device))
 
 
-def open_webcam(device: Path, lens: Lens | None, config: CameraConfig, tell: Tell) -> Webcam:
+def open_webcam(device: Path, lens: Lens | None, config: WebcamConfig, tell: Tell) -> Webcam:
     """Open a webcam, agree with it on size and rate, and hold still what it does by itself.
 
     Parameters
@@ -143,7 +143,7 @@ def _why_not_open(device: Path) -> str:
     )
 
 
-def _agree(video: Video, device: Path, lens: Lens | None, config: CameraConfig, tell: Tell) -> None:
+def _agree(video: Video, device: Path, lens: Lens | None, config: WebcamConfig, tell: Tell) -> None:
     """Ask for format, size and rate, and read back what became of it."""
     width, height = (config.width, config.height) if lens is None else (lens.width, lens.height)
     # First, since by itself OpenCV takes raw YUYV, which leaves a USB 2 camera few pictures a second.
@@ -178,7 +178,7 @@ def _offers(device: Path) -> str:
         return f"'v4l2-ctl -d {device} --list-formats-ext' tells what it offers"
     modes.sort(key=lambda mode: mode.code != JPEG_CODE)
     more = f" and {len(modes) - MODES_TOLD} more" if len(modes) > MODES_TOLD else ""
-    return f"it offers {', '.join(map(str, modes[:MODES_TOLD]))}{more}: set camera.width, height and fps"
+    return f"it offers {', '.join(map(str, modes[:MODES_TOLD]))}{more}: set webcam.width, height and fps"
 
 
 def _first_picture(webcam: Webcam, video: Video, device: Path, lens: Lens | None, tell: Tell) -> None:
@@ -210,7 +210,7 @@ def decoded(shot: Shot) -> np.ndarray | None:
     return decode_jpeg(without_padding(shot.picture)) if isinstance(shot.picture, bytes) else shot.picture
 
 
-def _lock(webcam: Webcam, device: Path, config: CameraConfig, tell: Tell) -> None:
+def _lock(webcam: Webcam, device: Path, config: WebcamConfig, tell: Tell) -> None:
     def take() -> np.ndarray:
         for _ in range(3):  # one may be damaged
             shot = webcam.read()

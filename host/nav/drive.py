@@ -223,11 +223,13 @@ class _Trip:
         """
         while True:
             asked_s = self.clock.now_s()
+            good_for_s = self.picture_s + self.config.frame_stale_s - asked_s  # the last one
+            wait_s = min(PICTURE_S, max(good_for_s, LISTEN_S))
             try:
-                frame = self.camera.read(PICTURE_S)
+                frame = self.camera.read(wait_s)
             except DeviceError as error:
-                early_s = PICTURE_S - (self.clock.now_s() - asked_s)
-                why = str(error) if early_s > PICTURE_S / 2 else None
+                early_s = wait_s - (self.clock.now_s() - asked_s)
+                why = str(error) if early_s > wait_s / 2 else None
                 self.clock.sleep_s(max(0.0, early_s))
                 self._listen()
                 now_s = self.clock.now_s()

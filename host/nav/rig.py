@@ -8,10 +8,11 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from host.camera.config import WebcamConfig
 from host.camera.frame import FrameSource
 from host.camera.lens import Lens
 from host.camera.lens_file import read_lens
-from host.camera.source import open_camera
+from host.camera.source import is_live, open_camera
 from host.errors import UsageError
 from host.link.clock import Clock, SystemClock
 from host.link.ports import RobotPort
@@ -98,6 +99,7 @@ def open_rig(
     lens_file: Path | None,
     real_time: bool = False,
     tap: Callable[[Transport, Clock], Transport] | None = None,
+    webcam: WebcamConfig | None = None,
 ) -> Iterator[Rig]:
     """Open everything and connect; close it all at the end, motors first.
 
@@ -107,7 +109,10 @@ def open_rig(
     Raises
     ------
     UsageError
-        A URI names nothing, one is simulated and the other not, or a real camera's lens is not known.
+        A URI names nothing, one is simulated and the other not, the pictures are of another time, or a real
+        camera's lens is not known.
+    InputError
+        A file named as camera is missing or damaged.
     DeviceError
         Camera or robot do not answer.
     """
@@ -115,9 +120,16 @@ def open_rig(
     simulated = is_simulated(robot_uri)
     if simulated:
         parse_robot(robot_uri)
-    if simulated != camera_uri.startswith("sim:"):
+    if not camera_uri.startswith("sim:") and not is_live(camera_uri):
+        open_camera(camera_uri).close()
         raise UsageError(
-            f"camera {camera_uri} and robot {robot_uri} do not go together: simulate both or neither"
+            f"camera {camera_uri}: its pictures are not of now, and nothing can be driven by them; "
+            f"'python -m host.measure {camera_uri}' measures in them"
+        )
+    if simulated != camera_uri.startswith("sim:"):
+        remedy = "; --robot auto finds a real one" if simulated else ""
+        raise UsageError(
+            f"camera {camera_uri} and robot {robot_uri} do not go together: simulate both or neither{remedy}"
         )
     if simulated and lens_file is not None:
         raise UsageError(f"--lens {lens_file}: a simulated camera brings its own lens; leave it out")
@@ -135,7 +147,7 @@ def open_rig(
             paced = simulation.pacer
             yield rig if paced is None else replace(rig, monotonic_s=paced.real_s)
         return
-    camera = open_camera(camera_uri, None if lens_file is None else read_lens(lens_file))
+    camera = open_camera(camera_uri, None if lens_file is None else read_lens(lens_file), webcam)
     try:
         if camera.lens is None:
             raise UsageError(f"camera {camera_uri}: its lens is not known; name its camera.json with --lens")

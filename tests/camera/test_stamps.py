@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import pytest
 
 from host.camera.stamps import Stamps
@@ -35,7 +37,7 @@ def test_plausible_times_are_used_as_they_are():
 def test_others_are_replaced_by_the_arrival_and_that_is_told_once(driver_s, words: str):
     given, arrived, told = run(driver_s)
     assert given[5:] == pytest.approx(arrived[5:], abs=0.11)
-    assert all(a < b for a, b in zip(given[5:], given[6:], strict=False))
+    assert all(a < b for a, b in pairwise(given[5:]))
     assert len(told) == 1
     assert told[0].startswith("camera /dev/video0: its driver's times cannot be right") and words in told[0]
     assert "times of arrival" in told[0]
