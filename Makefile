@@ -9,7 +9,7 @@ NATIVE := CMakeLists.txt pyproject.toml $(wildcard firmware/src/*.[ch] host/*/*_
 .PHONY: drive test setup firmware flash budget check avr clean
 
 drive: build/ready
-	$(RUN) host/nav_loop.py
+	$(RUN) host/nav_loop.py --view
 
 test: build/ready
 	$(RUN) -m pytest

@@ -2,6 +2,7 @@
 
     python host/nav_loop.py --camera sim:room?seed=1 --robot sim: --goal -69,284 --max-time 45 --json out.json
     python host/nav_loop.py --explore | --approach 20 | --measure-only | --goal 60,120 -60,200
+    python host/nav_loop.py --view     # and look on in a browser
 
 Leaves runs/<time>/ (and runs/latest) with result.json and annotated pictures.
 """
@@ -30,24 +31,17 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from rich.console import Console
-from rich.live import Live
-from rich.table import Table
-from rich.text import Text
-
-from host.camera.frame import Frame
 from host.config import Config, read_command_line
 from host.nav.config import MOST_CELLS, NavConfig
-from host.nav.drive import drive
-from host.nav.gallery import Gallery
-from host.nav.pilot import Pilot, View
-from host.nav.result import DriveLog, new_run_folder, write_json
-from host.nav.rig import open_rig
-from host.nav.task import Approach, Explore, MeasureOnly, Route, Task
-from host.record.atomic import check_writable
+from host.record.atomic import check_writable, write_whole
 
-if TYPE_CHECKING:  # MCAP is loaded only by who records
+if TYPE_CHECKING:  # what takes long to load is loaded when the command line was read
+    from host.camera.frame import Frame
+    from host.nav.pilot import View
+    from host.nav.result import DriveLog
+    from host.nav.task import Task
     from host.record.recorder import Recorder
+    from host.view.page.server import LivePage
 
 RUNS = Path("runs")
 APPROACH_HALF_CM = 1000.0  # an approach goes straight on; this far it finds its map
@@ -72,7 +66,10 @@ class Options:
     lens: Path | None = None  # camera.json of a real camera
     record: Path | None = None
     """new MCAP file for pictures, the line's bytes and what was made of them; host.replay does it again"""
-    view: bool = True  # show the live line on a terminal
+    view: bool = False  # a page to look on in a browser, with a STOP; a simulated drive then takes its time
+    view_host: str = "127.0.0.1"
+    """where that page is served; 0.0.0.0 lets other machines in who have the token in its address"""
+    view_port: int | None = None  # 8080, or the next one that is free
 
 
 def parse_goal(text: str, config: Config) -> tuple[float, float]:
@@ -98,6 +95,8 @@ def choose_task(
     options: Options, route: list[tuple[float, float]], world_goal_cm: tuple[float, float] | None
 ) -> tuple[Task, str, tuple[float, float] | None]:
     """(the task, the task in words, the last goal); the world's own goal where nothing else is asked."""
+    from host.nav.task import Approach, Explore, MeasureOnly, Route
+
     if options.explore:
         return Explore(), "exploring", None
     if options.approach is not None:
@@ -134,10 +133,37 @@ def main() -> int:
         check_writable(options.json, folder=False)
     check_writable(RUNS, folder=True)
 
-    with (
-        open_recorder(options.record) as recorder,
-        open_rig(options.camera, options.robot, options.lens, tap=recorder and recorder.line) as rig,
-    ):
+    with open_page(options) as page, open_recorder(options.record) as recorder:
+        return _drive(options, config, route, page, recorder)
+
+
+def _drive(
+    options: Options,
+    config: Config,
+    route: list[tuple[float, float]],
+    page: LivePage | None,
+    recorder: Recorder | None,
+) -> int:
+    from host.nav.drive import drive
+    from host.nav.gallery import Gallery
+    from host.nav.pilot import Pilot
+    from host.nav.result import new_run_folder, write_json
+    from host.nav.rig import open_rig
+    from host.record.versions import versions
+    from host.view.floor_map import floor_of
+    from host.view.report import changed_settings, report
+
+    tap = None if recorder is None else recorder.line
+    if page is not None:
+        page.say(f"opening camera {options.camera} and robot {options.robot}")
+    with open_rig(
+        options.camera,
+        options.robot,
+        options.lens,
+        tap=tap,
+        real_time=page is not None,
+        webcam=config.webcam,
+    ) as rig:
         task, words, goal_cm = choose_task(options, route, rig.goal_cm)
         nav = config.nav if options.approach is None else with_long_map(config.nav)
         if recorder is None:
@@ -146,9 +172,14 @@ def main() -> int:
             pilot = recorder.pilot(rig.clock, rig.lens, task, replace(config, nav=nav), asdict(options))
         gallery = Gallery()
         print(f"{words} for at most {options.max_time:g} s; Ctrl-C stops", file=sys.stderr)
-        with Ticker(options.view) as ticker:
+        if page is not None:
+            goals = route or ([] if goal_cm is None else [goal_cm])
+            page.begin(words, goals, config.body, rig.robot, rig.monotonic_s)
+        with Ticker() as ticker:
 
             def on_view(view: View, log: DriveLog) -> None:
+                if page is not None:
+                    page.show(view.frame, view, pilot.map, log)
                 gallery.add(view)
                 rig.watch(view)
                 ticker.show(log)
@@ -156,7 +187,10 @@ def main() -> int:
                     recorder.drove(view, log, rig.robot)
 
             def on_refusal(frame: Frame | None, why: str, log: DriveLog) -> None:
+                if page is not None:
+                    page.show(frame, None, pilot.map, log)
                 rig.refuse(why)
+                gallery.refuse(frame, why)
                 ticker.show(log)
                 if recorder is not None:
                     recorder.refused(frame, why, log, rig.robot)
@@ -175,6 +209,8 @@ def main() -> int:
                 on_refusal=on_refusal,
             )
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # the motors stand; what is left takes a second
+        if page is not None:
+            page.end(log.outcome, log.reason)
         if recorder is not None:
             recorder.ended(log, rig.robot)
         result = {
@@ -185,6 +221,10 @@ def main() -> int:
             **log.as_dict(),
             **rig.truth(log),
             "link": rig.link_counters(),
+            "floor": floor_of(pilot.map, config.body, log),
+            "pictures": gallery.pictures(log.began_s),
+            "settings": changed_settings(config),
+            "versions": versions(),
         }
     if recorder is not None:
         result["recording"] = recorder.summary()
@@ -193,8 +233,20 @@ def main() -> int:
     if options.json is not None:
         write_json(result, options.json)
     gallery.write(folder, pilot.map, config.body, goal_cm, log)
+    write_whole(folder / "report.html", report(result, folder))
     print_summary(result, folder)
     return code
+
+
+def open_page(options: Options) -> AbstractContextManager[LivePage | None]:
+    """A live page where one is asked for, else None."""
+    if not options.view:
+        return nullcontext()
+    from host.view.page.server import LivePage
+
+    page = LivePage(options.view_host, options.view_port)
+    print(f"live page: {page.url}", file=sys.stderr, flush=True)
+    return page
 
 
 def open_recorder(path: Path | None) -> AbstractContextManager[Recorder | None]:
@@ -234,11 +286,13 @@ class Ticker:
 
     EVERY_S = 0.1
 
-    def __init__(self, wanted: bool) -> None:
+    def __init__(self) -> None:
+        from rich.console import Console
+        from rich.live import Live
+
         console = Console(stderr=True)
-        self._live = Live(console=console, transient=True, auto_refresh=False) if wanted else None
-        if not console.is_terminal:
-            self._live = None
+        shown = console.is_terminal
+        self._live = Live(console=console, transient=True, auto_refresh=False) if shown else None
         self._shown_s = -math.inf
 
     def __enter__(self) -> Ticker:
@@ -254,6 +308,8 @@ class Ticker:
         now_s = time.monotonic()
         if self._live is None or now_s - self._shown_s < self.EVERY_S:
             return
+        from rich.text import Text
+
         self._shown_s = now_s
         last = log.decisions[-1]
         line = (
@@ -264,12 +320,16 @@ class Ticker:
 
 def print_summary(result: dict[str, Any], folder: Path) -> None:
     """The end of the drive as a table."""
+    from rich.console import Console
+    from rich.table import Table
+
     outcome, reason = result["outcome"], result["reason"]
     title = reason if reason.startswith(outcome) else f"{outcome}: {reason}"
     table = Table(show_header=False, title=title, title_justify="left")
     for name, value in _summary_rows(result):
         table.add_row(name, value)
     table.add_row("result", str(folder / "result.json"))
+    table.add_row("report", str(folder / "report.html"))
     Console().print(table)
 
 

@@ -123,9 +123,7 @@ class Robot:
     last_refusal : Nack or None
         The last of them, with the reason.
     round_trip_s : float or None
-        From the last PING that was answered to reading its answer; the line's own part is `line_s`.
-    line_s : float or None
-        The shortest of these since connecting.
+        The shortest since connecting from a PING to reading its answer.
     halted : str or None
         Why another thread has called `halt`; from then on nothing is sent that could move the robot.
     events : deque of Event
@@ -140,7 +138,6 @@ class Robot:
         self.refusals = 0
         self.last_refusal: Nack | None = None
         self.round_trip_s: float | None = None
-        self.line_s: float | None = None
         self.halted: str | None = None
         self.events: deque[Event] = deque(maxlen=EVENTS_MAX)
         self._transport = transport
@@ -193,7 +190,7 @@ class Robot:
         DeviceError
             Nobody answers within `timeout_s`, or somebody with another protocol or schema.
         """
-        self._hello = self._offered = self.latest = self.round_trip_s = self.line_s = None
+        self._hello = self._offered = self.latest = self.round_trip_s = None
         self._offers = 0
         self._robot_clock = RobotClock()
         self._pings.clear()
@@ -671,8 +668,7 @@ class Robot:
                 arrived_s = self._pings.pop(message.host_time_us, None)
                 if arrived_s is not None:
                     self._robot_clock.add(arrived_s, message.mcu_time_us, now_s - _PONG_S)
-                    self.round_trip_s = now_s - arrived_s + _PING_S
-                    self.line_s = min(self.round_trip_s, self.line_s or math.inf)
+                    self.round_trip_s = min(now_s - arrived_s + _PING_S, self.round_trip_s or math.inf)
             case Hello():
                 same = self._offered is not None and self._offered.boot_nonce == message.boot_nonce
                 self._offers = self._offers + 1 if same else 1
