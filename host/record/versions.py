@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import platform
 from importlib import import_module, metadata
@@ -21,6 +22,7 @@ CODE = {
 }
 
 
+@functools.cache
 def versions() -> dict[str, str]:
     """By name: libraries, machine, protocol, and checksums of our own code."""
     return {

@@ -1,0 +1,154 @@
+"""Recorded drives done again: the same to the bit, and otherwise the place where they part."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from host.config import config_text
+from host.depth.estimator import Estimator
+from host.errors import InputError
+from host.nav.pilot import Pilot
+from host.record.mcap_reader import Recording
+from host.record.replayed import Tally, replay
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def tally_of(recording: Recording, config=None) -> Tally:
+    tally = Tally()
+    for step in replay(recording, config, tally):
+        tally.count(step)
+    return tally
+
+
+def run(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    path = os.pathsep.join(filter(None, [os.environ.get("PYTHONPATH"), str(ROOT)]))
+    return subprocess.run(
+        [sys.executable, *arguments], cwd=folder, capture_output=True, text=True, timeout=300, check=False,
+        env={**os.environ, "PYTHONPATH": path},
+    )  # fmt: skip
+
+
+def test_a_drive_is_the_same_to_the_bit_in_another_process_without_the_simulator(recorded_drive, tmp_path):
+    command = (
+        "import sys; sys.argv = ['replay', *sys.argv[1:]]\n"
+        "from host.replay import main\n"
+        "code = main()\n"
+        "assert 'host.sim.session' not in sys.modules and 'host.sim.scoring' not in sys.modules\n"
+        "sys.exit(code)"
+    )
+    done = run(tmp_path, "-c", command, str(recorded_drive), "--json", "out.json")
+    assert done.returncode == 0, done.stdout + done.stderr
+    told = json.loads((tmp_path / "out.json").read_text())
+    assert told["same"] and told["first_difference"] is None and told["notes"] == told["changed"] == []
+    assert told["pictures"] >= 33
+    assert told["commands_between_pictures"] > 0  # pictures come late in this drive
+    assert f"the same to the bit: {told['pictures']} pictures" in done.stdout
+
+
+def test_another_setting_of_steering_shows_in_the_first_command_and_in_nothing_before(
+    recorded_drive, tmp_path
+):
+    config = Recording(recorded_drive).config
+    file = tmp_path / "robot.toml"
+    file.write_text(config_text(replace(config, nav=replace(config.nav, creep_cm_s=7.0))))
+    done = run(
+        tmp_path, "-m", "host.replay", str(recorded_drive), "--config", str(file), "--json", "out.json"
+    )
+    assert done.returncode == 6, done.stderr
+    told = json.loads((tmp_path / "out.json").read_text())
+    first = told["first_difference"]
+    assert (first["part"], first["frame"], first["t_s"]) == ("command", 0, 0.0)
+    assert "80.0 mm/s" in first["was"] and "70.0 mm/s" in first["now"]
+    assert "picture 0" in done.stdout and "other settings were asked for" in done.stdout
+
+
+def test_another_setting_of_the_net_shows_in_regions(recorded_drive):
+    recording = Recording(recorded_drive)
+    config = replace(recording.config, net=replace(recording.config.net, max_polygons=12))
+    first = tally_of(recording, config).first
+    assert first is not None and first.part == "regions"
+    assert "regions" in first.was or "region" in first.was
+
+
+def test_a_depth_that_changes_by_its_last_bit_is_found_where_it_does(recorded_drive, monkeypatch):
+    update, calls = Estimator.update, []
+
+    def changed(self, snapshot, pose):
+        report = update(self, snapshot, pose)
+        calls.append(1)
+        if len(calls) != 31:
+            return report
+        region = next(r for r, depth in report.regions.items() if depth.depth_cm is not None)
+        depth = report.regions[region]
+        other = replace(depth, depth_cm=depth.depth_cm * (1 + 2.3e-16))
+        return replace(report, regions={**report.regions, region: other})
+
+    monkeypatch.setattr(Estimator, "update", changed)
+    tally = tally_of(Recording(recorded_drive))
+    assert tally.first is not None
+    assert (tally.first.part, tally.first.frame) == ("depth", 30)
+    assert tally.first.was.split("±")[0] != tally.first.now.split("±")[0]
+
+
+def test_a_program_that_fails_on_a_picture_is_told_with_its_line(recorded_drive, monkeypatch):
+    take = Pilot.take
+
+    def failing(self, frame, now_s):
+        if frame.seq >= 5:
+            raise ZeroDivisionError("nothing to divide by")
+        return take(self, frame, now_s)
+
+    monkeypatch.setattr(Pilot, "take", failing)
+    tally = tally_of(Recording(recorded_drive))
+    assert tally.first is not None and tally.first.seq == 5
+    assert (
+        "ZeroDivisionError: nothing to divide by" in tally.first.now and "test_replay.py" in tally.first.now
+    )
+
+
+def test_a_picture_that_decodes_otherwise_is_named_as_the_first_thing(recorded_drive, monkeypatch):
+    recording = Recording(recorded_drive)
+    entries = list(recording.journal())
+    number = 7
+    for entry in entries:
+        if entry["do"] == "frame" and entry["frame"] == number:
+            entry["pixels"] ^= 1
+    monkeypatch.setattr(recording, "journal", lambda: iter(entries))
+    tally = tally_of(recording)
+    assert tally.first is not None and (tally.first.part, tally.first.frame) == ("picture", number)
+    assert tally.pictures_different == 1  # the pixels were the same, so all that follows is
+
+
+@pytest.mark.parametrize(
+    ("make", "says"),
+    [
+        (lambda path: path.write_bytes(b""), "is empty"),
+        (lambda path: path.write_bytes(b"hello" * 9), "no MCAP file"),
+        (lambda path: path.mkdir(), "Is a directory"),
+        (lambda path: None, "no such file"),
+    ],
+)
+def test_what_is_no_recording_is_told_in_one_line(tmp_path, make, says):
+    path = tmp_path / "run.mcap"
+    make(path)
+    with pytest.raises(InputError, match=says) as told:
+        Recording(path)
+    assert str(path) in str(told.value) and "\n" not in str(told.value)
+
+
+def test_a_damaged_recording_ends_the_command_with_one_line_and_code_3(recorded_drive, tmp_path):
+    content = bytearray(recorded_drive.read_bytes())
+    content[len(content) // 2] ^= 0x10
+    (tmp_path / "run.mcap").write_bytes(content)
+    done = run(tmp_path, "-m", "host.replay", "run.mcap")
+    assert done.returncode == 3 and done.stdout == ""
+    assert done.stderr.startswith("error: run.mcap: damaged at byte ") and done.stderr.count("\n") == 1
+    assert "copy it again" in done.stderr
