@@ -5,15 +5,9 @@ from __future__ import annotations
 import cv2
 import numpy as np
 import pytest
+from pictures import jpeg
 
 from host.camera.jpeg import decode_jpeg, is_whole, without_padding
-
-
-def picture(number: int = 0, *settings: int) -> bytes:
-    """A JPEG with something in it."""
-    noise = np.random.default_rng(number).integers(0, 255, (6, 8, 3), np.uint8)
-    image = cv2.resize(noise, (160, 120), interpolation=cv2.INTER_CUBIC)
-    return cv2.imencode(".jpg", image, settings)[1].tobytes()
 
 
 @pytest.mark.parametrize(
@@ -22,34 +16,34 @@ def picture(number: int = 0, *settings: int) -> bytes:
     ids=["plain", "with restarts", "progressive"],
 )
 def test_a_whole_picture_is_decoded_as_opencv_does(settings):
-    data = picture(1, *settings)
+    data = jpeg(1, *settings)
     image = decode_jpeg(data)
     assert image is not None
     assert np.array_equal(image, cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR))
 
 
 def test_padding_with_zeros_is_taken_off():
-    data = picture()
+    data = jpeg(0)
     assert without_padding(data + bytes(1000)) == data
     assert without_padding(data) == data
     assert decode_jpeg(without_padding(data + bytes(1000))) is not None
 
 
 def test_every_way_of_being_cut_short_is_noticed():
-    data = picture()
+    data = jpeg(0)
     assert all(not is_whole(data[:length]) for length in range(len(data)))
     assert all(decode_jpeg(data[:length]) is None for length in range(0, len(data), 97))
 
 
 def test_half_of_one_picture_and_half_of_the_next_is_no_picture():
-    first, second = picture(1), picture(2)
+    first, second = jpeg(1), jpeg(2)
     torn = first[: len(first) // 2] + second
     assert torn.startswith(b"\xff\xd8") and torn.endswith(b"\xff\xd9")
     assert decode_jpeg(torn) is None
 
 
 def test_a_gap_among_restarts_is_noticed():
-    data = picture(3, cv2.IMWRITE_JPEG_RST_INTERVAL, 4)
+    data = jpeg(3, cv2.IMWRITE_JPEG_RST_INTERVAL, 4)
     begin, end = data.index(b"\xff\xd2"), data.index(b"\xff\xd5")
     assert is_whole(data)
     assert not is_whole(data[:begin] + data[end:])
