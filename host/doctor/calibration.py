@@ -49,7 +49,7 @@ def check_lens(lens: Lens, name: str, size: tuple[int, int] | None) -> Finding:
 
 
 def _implausible(lens: Lens) -> str | None:
-    wide = _width_deg(lens)
+    wide = math.degrees(2 * math.atan((lens.width - 1) / 2 / lens.fx))
     if not NARROW_DEG <= wide <= WIDE_DEG:
         return f"a picture {wide:.0f} degrees wide is no webcam's"
     if abs(lens.fx / lens.fy - 1) > UNEVEN_FOCAL:

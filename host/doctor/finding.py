@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import StrEnum
@@ -76,11 +77,8 @@ class Part:
 def split_error(error: RobotError) -> tuple[str, str]:
     """What is wrong, and the remedy, which our errors put last."""
     text = str(error)
-    for mark in ("; ", ": "):
-        told, found, fix = text.rpartition(mark)
-        if found:
-            return told, fix
-    return text, "see docs/hardware.md"
+    parted = re.match("(.*); (.*)", text) or re.match("(.*)(?<!sim)(?<!avr): (.*)", text)  # these are URIs
+    return (parted[1], parted[2]) if parted else (text, "see docs/hardware.md")
 
 
 def exit_code(findings: Iterable[Finding]) -> int:

@@ -26,6 +26,7 @@ if TYPE_CHECKING:  # so that --help need not wait for OpenCV
     from host.link.robot import Robot
 
 RUNS = Path("runs")
+WEBCAM = Path("/dev/video0")
 NOMINAL_FPS = 15.0
 
 
@@ -76,8 +77,8 @@ def look_at_camera(options: DoctorOptions, known: Known) -> Iterator[Finding]:
     from host.doctor.camera import check_pictures, rate_hz, take_pictures
 
     part, uri = Part("camera"), options.camera
-    if uri is None and Path("/dev/video0").exists():
-        uri = "0"
+    if uri is None and WEBCAM.exists():
+        uri = str(WEBCAM)
     if uri is None:
         yield part.untried("all", "no camera here; name one with --camera")
         return
@@ -98,40 +99,41 @@ def look_at_robot(options: DoctorOptions, person: Person, known: Known) -> Itera
     from host.doctor import robot as checks
     from host.link.bench.target import open_target
     from host.link.robot import Robot
-    from host.sim.rolling import is_simulated
 
     part, uri = Part("robot"), options.robot
-    spared = [Part("wheels").untried("all", "no robot answered")]
     if uri is None:
         yield part.untried("all", _ports_here())
         yield Part("wheels").untried("all", "no robot was named")
         return
-    simulated = is_simulated(uri)
+    simulated = _simulated(uri)
+    unseen = Part("wheels").untried("all", "no robot answered")
     if not simulated and uri != "auto" and (missing := checks.check_port(uri)) is not None:
-        yield from [missing, *spared]
+        yield from (missing, unseen)
         return
+    seen = False
     try:
         with open_target(uri) as target:
             robot = Robot(target.near, target.clock)
             yield part.ok("port", "simulated" if simulated else f"{target.uri} opens")
             hello, finding = checks.connect(target, robot)
             yield finding
-            if hello is None:
-                yield from spared
-                return
-            with robot:
-                yield checks.check_firmware(hello, target.uri, simulated, checks.sources_build_id())
-                yield checks.check_start(hello)
-                assert robot.latest is not None, "connect waits for it"
-                yield checks.check_fault(robot.latest)
-                heard = checks.listen(target, robot)
-                yield checks.check_line(heard)
-                known.timing = _link_timing(robot, heard)
-                known.values = robot.read_params()
-                yield checks.check_battery(heard.reports, known.values)
-                yield from look_at_wheels(options, person, target, robot, simulated, known.values)
+            if hello is not None:
+                with robot:
+                    yield checks.check_firmware(hello, target.uri, simulated, checks.sources_build_id())
+                    yield checks.check_start(hello)
+                    assert robot.latest is not None, "connect waits for it"
+                    yield checks.check_fault(robot.latest)
+                    heard = checks.listen(target, robot)
+                    yield checks.check_line(heard)
+                    known.timing = _link_timing(robot, heard)
+                    known.values = robot.read_params()
+                    yield checks.check_battery(heard.reports, known.values)
+                    seen = True
+                    yield from look_at_wheels(options, person, target, robot, simulated, known.values)
     except RobotError as error:
         yield part.error("link", error)
+    if not seen:
+        yield unseen
 
 
 def look_at_wheels(
@@ -209,6 +211,12 @@ def look_at_timing(config: Config, known: Known) -> Iterator[Finding]:
         frames = [one.frame for one in known.taken]
         yield checks.check_frame_time(checks.time_frames(frames, lens, config.net, config.depth), known.hz)
     yield from known.timing or [Part("timing").untried("link", "no robot answered")]
+
+
+def _simulated(robot: str) -> bool:
+    from host.sim.rolling import is_simulated
+
+    return is_simulated(robot)
 
 
 def _link_timing(robot: Robot, heard: Heard) -> list[Finding]:
