@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from pathlib import Path
+from typing import Any
 
 from host.camera.lens import Lens
 from host.errors import InputError
@@ -24,6 +25,48 @@ def read_lens(path: Path) -> Lens:
     InputError
         naming the file and the line or key that is wrong.
     """
+    values = _values(path)
+    width, height = _side(path, values, "width"), _side(path, values, "height")
+    return Lens(
+        width=width,
+        height=height,
+        fx=_focal(path, values, "fx", width),
+        fy=_focal(path, values, "fy", height),
+        cx=_centre(path, values, "cx", width),
+        cy=_centre(path, values, "cy", height),
+        distortion=_distortion(path, values),
+    )
+
+
+def read_about(path: Path) -> dict[str, Any]:
+    """What a camera.json says beside the lens: whose it is, when and how well it was calibrated.
+
+    Raises
+    ------
+    InputError
+        as `read_lens`.
+    """
+    lens = {field.name for field in fields(Lens)}
+    return {key: value for key, value in _values(path).items() if key not in lens}
+
+
+def check_camera(path: Path, camera_name: str | None) -> None:
+    """See that a lens was calibrated with the camera that it is to be used with, where both names are known.
+
+    Raises
+    ------
+    InputError
+        It was another camera's.
+    """
+    theirs = read_about(path).get("camera_name")
+    if isinstance(theirs, str) and camera_name is not None and theirs != camera_name:
+        raise InputError(
+            f"{path}: is the lens of another camera, {theirs[:60]!r}, and this one is {camera_name[:60]!r}; "
+            "calibrate this one with host.calibrate camera"
+        )
+
+
+def _values(path: Path) -> dict[str, Any]:
     try:
         values = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError as error:
@@ -42,21 +85,12 @@ def read_lens(path: Path) -> Lens:
         raise InputError(f"{path}: not a camera file; it must be one JSON object") from error
     if not isinstance(values, dict):
         raise InputError(f'{path}: must be one JSON object like {{"width": 320, "height": 240, ...}}')
-    width, height = _side(path, values, "width"), _side(path, values, "height")
-    return Lens(
-        width=width,
-        height=height,
-        fx=_focal(path, values, "fx", width),
-        fy=_focal(path, values, "fy", height),
-        cx=_centre(path, values, "cx", width),
-        cy=_centre(path, values, "cy", height),
-        distortion=_distortion(path, values),
-    )
+    return values
 
 
-def write_lens(path: Path, lens: Lens) -> None:
-    """Write a camera.json that `read_lens` gives back unchanged."""
-    write_whole(path, (json.dumps(asdict(lens), indent=1) + "\n").encode())
+def write_lens(path: Path, lens: Lens, about: dict[str, Any] | None = None) -> None:
+    """Write a camera.json that `read_lens` gives back unchanged, with whatever else is to be known of it."""
+    write_whole(path, (json.dumps({**asdict(lens), **(about or {})}, indent=1) + "\n").encode())
 
 
 def _entry(path: Path, values: dict, key: str) -> object:

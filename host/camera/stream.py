@@ -5,6 +5,7 @@ from __future__ import annotations
 import http.client
 import re
 import select
+import socket
 import time
 from urllib.parse import urlsplit
 
@@ -35,11 +36,11 @@ class MjpegStream:
         self._connection = _connection(url)
         try:
             parts = urlsplit(url)
+            self._connection.connect()
+            self._socket: socket.socket = self._connection.sock  # which it forgets when the reply has begun
             self._connection.request("GET", (parts.path or "/") + (f"?{parts.query}" if parts.query else ""))
             self._reply = self._connection.getresponse()
             self._boundary = _boundary(url, self._reply)
-            assert self._connection.sock is not None, "an open reply has one"
-            self._socket = self._connection.sock
             self._socket.settimeout(SILENCE_S)
         except (OSError, http.client.HTTPException) as error:
             self._connection.close()
@@ -72,6 +73,7 @@ class MjpegStream:
 
     def release(self) -> None:
         """Hang up."""
+        self._reply.close()
         self._connection.close()
 
     def _more_waits(self) -> bool:
