@@ -1,6 +1,7 @@
 """Depth from a recorded sequence: net and estimators run over a folder, answers as table, JSON and pictures.
 
     python -m host.measure SEQUENCE [--poses FILE] [--json OUT] [--pictures DIR]
+    python -m host.measure run.mcap                       # a recorded drive, with its wheels' poses
     python -m host.measure --still IMAGE [--out DIR]      # the regions of one image, without depth
 
 Results appear only when the whole sequence was measured; an interrupted or failed run leaves what was there.
@@ -17,6 +18,7 @@ import contextlib
 import json
 import math
 import os
+import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -42,9 +44,9 @@ RUNS = Path("runs")
 
 @dataclass(frozen=True)
 class MeasureOptions:
-    """Measure depth in a recorded sequence (camera.json, poses.csv, images) or find regions in a still."""
+    """Measure depth in a sequence (camera.json, poses.csv, images) or a recording, or regions in a still."""
 
-    sequence: Positional[Annotated[Path | None, arg(metavar="[SEQUENCE]")]] = None  # the sequence folder
+    sequence: Positional[Annotated[Path | None, arg(metavar="[SEQUENCE]")]] = None  # a folder, or run.mcap
     poses: Path | None = None  # poses to use instead of the folder's poses.csv
     json: Path | None = None  # write all results to this file
     pictures: Path | None = None  # write pictures of net, depths and vertices into this folder
@@ -161,10 +163,9 @@ def run_sequence(folder: Path, options: MeasureOptions, config: Config) -> None:
     from host.depth.estimator import Estimator
     from host.rbdn import Net
     from host.record.atomic import check_writable, write_whole
-    from host.record.sequence import read_sequence
     from host.view.sequence_pictures import SequencePictures
 
-    sequence = read_sequence(folder, _poses_file(folder, options.poses))
+    sequence = _open_sequence(folder, options.poses)
     if options.json is not None:
         check_writable(options.json, folder=False)
     if options.pictures is not None:
@@ -190,6 +191,21 @@ def run_sequence(folder: Path, options: MeasureOptions, config: Config) -> None:
         _print_table(last, frames, options)
 
 
+def _open_sequence(path: Path, poses: Path | None) -> Sequence:
+    from host.record.sequence import read_sequence
+
+    if path.suffix != ".mcap" or os.path.isdir(path):
+        return read_sequence(path, _poses_file(path, poses))
+    if poses is not None:
+        raise UsageError(f"--poses {poses}: a recording brings its wheels' poses; leave it out")
+    from host.record.recorded_sequence import read_recorded_sequence
+
+    sequence = read_recorded_sequence(path)
+    for note in sequence.notes:
+        print(f"note: {note}", file=sys.stderr)
+    return sequence
+
+
 def _poses_file(folder: Path, poses: Path | None) -> Path | None:
     # os.path, since Path raises where a name is too long
     if poses is not None and not os.path.exists(poses) and os.path.isfile(folder / poses):
@@ -202,7 +218,12 @@ def _refuse_to_overwrite_input(options: MeasureOptions, sequence: Sequence) -> N
     if options.pictures is not None and options.pictures.resolve() in {image.parent for image in images}:
         raise UsageError(f"{options.pictures}: holds the sequence's own images; write pictures elsewhere")
     poses = options.poses or sequence.folder / "poses.csv"
-    inputs = {(sequence.folder / "camera.json").resolve(), poses.resolve(), *images}
+    inputs = {
+        sequence.folder.resolve(),
+        (sequence.folder / "camera.json").resolve(),
+        poses.resolve(),
+        *images,
+    }
     if options.json is not None and options.json.resolve() in inputs:
         raise UsageError(f"{options.json}: belongs to the sequence and would be overwritten; write elsewhere")
 

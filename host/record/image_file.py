@@ -19,6 +19,7 @@ import numpy as np
 from host.errors import InputError
 
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+JPEG_SIGNATURE = b"\xff\xd8"
 JPEG_MARKER = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")  # skips stuffed bytes, restarts and fill
 JPEG_FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 JPEG_END = 0xD9
@@ -33,7 +34,7 @@ def image_size(path: Path) -> tuple[int, int]:
     InputError
         where the file is missing, empty, cut short, damaged (PNG) or neither PNG nor JPEG.
     """
-    return _size(path, _bytes_of(path))
+    return encoded_size(path, _bytes_of(path))
 
 
 def read_image(path: Path) -> np.ndarray:
@@ -45,11 +46,25 @@ def read_image(path: Path) -> np.ndarray:
         as `image_size`, and where the decoder complains of its data.
     """
     content = _bytes_of(path)
-    _size(path, content)
+    encoded_size(path, content)
     image, complaint = _decode(content)
     if image is None or complaint:
         raise InputError(f"{path}: damaged image ({complaint or 'it cannot be decoded'}); {REMEDY}")
     return image
+
+
+def encoded_size(path: Path, content: bytes) -> tuple[int, int]:
+    """As `image_size`, of what a file at `path` holds or will hold."""
+    try:
+        if content.startswith(PNG_SIGNATURE):
+            return _png_size(content)
+        if content.startswith(JPEG_SIGNATURE):
+            return _jpeg_size(content)
+    except _CutShort as error:
+        raise InputError(f"{path}: truncated image ({len(content)} bytes, {error}); {REMEDY}") from error
+    except _Damaged as error:
+        raise InputError(f"{path}: damaged image ({error}); {REMEDY}") from error
+    raise InputError(f"{path}: neither PNG nor JPEG; convert it to one of them")
 
 
 def _bytes_of(path: Path) -> bytes:
@@ -62,19 +77,6 @@ def _bytes_of(path: Path) -> bytes:
     if not content:
         raise InputError(f"{path}: empty image file; {REMEDY}")
     return content
-
-
-def _size(path: Path, content: bytes) -> tuple[int, int]:
-    try:
-        if content.startswith(PNG_SIGNATURE):
-            return _png_size(content)
-        if content.startswith(b"\xff\xd8"):
-            return _jpeg_size(content)
-    except _CutShort as error:
-        raise InputError(f"{path}: truncated image ({len(content)} bytes, {error}); {REMEDY}") from error
-    except _Damaged as error:
-        raise InputError(f"{path}: damaged image ({error}); {REMEDY}") from error
-    raise InputError(f"{path}: neither PNG nor JPEG; convert it to one of them")
 
 
 class _CutShort(Exception):

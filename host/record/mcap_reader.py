@@ -31,6 +31,7 @@ from host.camera.lens import Lens
 from host.config import Config, parse_config
 from host.errors import InputError, UsageError
 from host.record import ros
+from host.record.image_file import JPEG_SIGNATURE
 from host.record.journal import FORMAT, Entry, lens_of
 
 HEAD = struct.Struct("<BQ")  # of a record: what it is, how long
@@ -77,7 +78,7 @@ class RecordedFrame:
     @property
     def is_jpeg(self) -> bool:
         """As the camera gave it; else a PNG, made of what it gave."""
-        return self.file.startswith(b"\xff\xd8")
+        return self.file.startswith(JPEG_SIGNATURE)
 
     def frame(self) -> Frame:
         """As the camera gave it live.

@@ -19,7 +19,7 @@ from host.camera.lens import Lens
 from host.camera.lens_file import read_lens, write_lens
 from host.errors import InputError, UsageError
 from host.pose import Pose
-from host.record.image_file import image_size, read_image
+from host.record.image_file import JPEG_SIGNATURE, encoded_size, image_size, read_image
 
 COLUMNS = ("frame", "file", "t_s", "x_cm", "y_cm", "z_cm", "qw", "qx", "qy", "qz")
 SIGMA_COLUMNS = ("sigma_z_cm", "sigma_rot_rad")
@@ -120,7 +120,7 @@ def read_poses(path: Path, folder: Path) -> tuple[SequenceFrame, ...]:
     return tuple(frames)
 
 
-def write_sequence(folder: Path, lens: Lens, frames: Iterable[tuple[np.ndarray, Pose]]) -> None:
+def write_sequence(folder: Path, lens: Lens, frames: Iterable[tuple[np.ndarray | bytes, Pose]]) -> None:
     """Write a sequence folder, with lossless images, that `read_sequence` reads.
 
     Parameters
@@ -128,7 +128,8 @@ def write_sequence(folder: Path, lens: Lens, frames: Iterable[tuple[np.ndarray, 
     folder
         Must not exist yet, or be empty. It appears only once all of it is written.
     frames
-        Images (H, W, 3) uint8 BGR of the lens's size, each with its pose and time.
+        Images (H, W, 3) uint8 BGR of the lens's size, each with its pose and time; or, to be kept as they
+        are, the bytes of PNG or JPEG files.
 
     Raises
     ------
@@ -151,9 +152,9 @@ def write_sequence(folder: Path, lens: Lens, frames: Iterable[tuple[np.ndarray, 
         table.writerow(COLUMNS + SIGMA_COLUMNS)
         number = -1
         for number, (image, pose) in enumerate(frames):
-            name = f"frames/{number:06d}.png"
-            _check_size(folder / name, (image.shape[1], image.shape[0]), lens)
-            (draft / name).write_bytes(cv2.imencode(".png", image)[1].tobytes())
+            name, size, content = _encoded(folder, number, image)
+            _check_size(folder / name, size, lens)
+            (draft / name).write_bytes(content)
             table.writerow([number, name, *_pose_values(pose)])
         if number < 0:
             raise InputError(f"{folder}: there are no frames to write; record at least one")
@@ -165,6 +166,15 @@ def write_sequence(folder: Path, lens: Lens, frames: Iterable[tuple[np.ndarray, 
         raise UsageError(f"{folder}: cannot be written ({error.strerror}); choose another place") from error
     finally:
         shutil.rmtree(draft, ignore_errors=True)
+
+
+def _encoded(folder: Path, number: int, image: np.ndarray | bytes) -> tuple[str, tuple[int, int], bytes]:
+    """Name, size in pixels and content of a picture's file."""
+    if not isinstance(image, bytes):
+        size = image.shape[1], image.shape[0]
+        return f"frames/{number:06d}.png", size, cv2.imencode(".png", image)[1].tobytes()
+    name = f"frames/{number:06d}.{'jpg' if image.startswith(JPEG_SIGNATURE) else 'png'}"
+    return name, encoded_size(folder / name, image), image
 
 
 def rotation_of_quaternion(quaternion: np.ndarray) -> np.ndarray:
