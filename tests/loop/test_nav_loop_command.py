@@ -144,6 +144,8 @@ def test_what_a_drive_is_for_is_chosen_and_told(arguments, task, goal, tmp_path)
         (["--max-time", "nan"], "--max-time"),
         (["--max-time", "soon"], "soon"),
         (["--max-wall", "0"], "--max-wall"),
+        (["--view", "--view-port", "99999"], "--view-port 99999"),
+        (["--view", "--view-host", "nowhere.invalid"], "--view-host nowhere.invalid"),
         (["--camera", "sim:nowhere"], "sim:nowhere"),
         (["--camera", "sim:room?seed=x"], "seed"),
         (["--camera", "sim:room", "--robot", "/dev/ttyACM0"], "do not go together"),

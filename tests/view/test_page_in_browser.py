@@ -1,0 +1,165 @@
+"""The live page in a real browser: what it draws, and STOP by button and by key."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from bench.browser import Browser, Tab, chromium, program
+from host.link.clock import SystemClock
+from host.link.protocol import Fault
+from host.link.robot import Robot
+from host.link.serial_port import SerialPort
+from host.nav.config import BodyConfig
+from host.view.page.server import LivePage
+
+pytestmark = pytest.mark.skipif(
+    program() is None, reason="chromium is not installed: tools/setup, or `apt-get install chromium`"
+)
+ROOT = Path(__file__).resolve().parents[2]
+STOP_S = 0.15
+PATIENCE_S = 120.0  # on a busy machine
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with chromium() as browser:
+        yield browser
+
+
+@dataclass
+class Drive:
+    """A simulated drive that shows its page."""
+
+    process: subprocess.Popen[str]
+    url: str
+    folder: Path
+
+    def result(self) -> dict:
+        _, said = self.process.communicate(timeout=PATIENCE_S)
+        assert "Traceback" not in said
+        return json.loads((self.folder / "out.json").read_text())
+
+
+@pytest.fixture
+def drive(tmp_path) -> Iterator[Drive]:
+    process = subprocess.Popen(
+        [
+            sys.executable, str(ROOT / "host/nav_loop.py"), "--camera", "sim:room?seed=1", "--view",
+            "--view-port", "0", "--max-time", "20", "--max-wall", str(PATIENCE_S), "--json", "out.json",
+        ],
+        cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    try:
+        assert process.stderr is not None
+        found = re.fullmatch(r"live page: (http://127\.0\.0\.1:\d+/)\n", process.stderr.readline())
+        assert found
+        yield Drive(process, found[1], tmp_path)
+    finally:
+        process.kill()
+        process.wait()
+
+
+def middle_of(tab: Tab, element: str) -> tuple[float, float]:
+    box = tab.ask(f"(b => [b.x + b.width / 2, b.y + b.height / 2])({element}.getBoundingClientRect())")
+    return box[0], box[1]
+
+
+def test_a_drive_is_to_be_seen_on_desk_and_phone_and_a_key_stops_it(browser, drive, tmp_path):
+    tab = browser.open(drive.url, dark=True)
+    tab.wait_for("window.live?.shots >= 20", PATIENCE_S)
+    assert tab.ask("live.polygons") > 3
+    assert tab.ask("live.labels") > 0
+    assert tab.ask("live.cells") > 100
+    assert tab.ask("drawnMs") > 0
+    tab.wait_for("document.getElementById('stages').children.length === 7")
+    assert tab.ask("document.documentElement.scrollHeight <= innerHeight")  # a desk shows all at once
+
+    tab.screenshot(tmp_path / "page.png")
+    shown = cv2.imread(str(tmp_path / "page.png"))
+    assert shown.shape == (800, 1280, 3)
+    assert shown[3, 3].max() < 60  # dark, as was asked for
+    x, y, width, height = tab.ask("(b => [b.x, b.y, b.width, b.height])($('camera').getBoundingClientRect())")
+    camera = shown[round(y) : round(y + height), round(x) : round(x + width)]
+    assert len(np.unique(camera.reshape(-1, 3), axis=0)) > 1000  # a picture, and not one colour
+
+    tab.call("Emulation.setDeviceMetricsOverride", width=360, height=740, deviceScaleFactor=2, mobile=True)
+    tab.wait_for("innerWidth === 360")
+    assert tab.ask("document.documentElement.scrollWidth") <= 360
+    assert tab.ask("$('stop').getBoundingClientRect().width") > 300
+    wide = tab.ask("[...document.querySelectorAll('section, header, #reason')].map(e => e.scrollWidth)")
+    assert max(wide) <= 360
+
+    tab.press_key("Escape")
+    result = drive.result()
+    assert drive.process.returncode == 5
+    assert (result["outcome"], result["reason"]) == ("stopped", "STOP pressed on the live page")
+    tab.wait_for("live.phase() === 'end'")
+    assert tab.ask("$('reason').textContent") == "ended: STOP pressed on the live page"
+    assert tab.ask("$('stop').disabled")
+
+
+@pytest.fixture
+def served(tmp_path) -> Iterator[Robot]:
+    """A robot that lives in real time, whatever happens here."""
+    command = [sys.executable, "-m", "host.sim.serve", "sim:", "--world", "sim:room?seed=1"]
+    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True)
+    try:
+        assert process.stdout is not None
+        robot = Robot(SerialPort(process.stdout.readline().strip()), SystemClock())
+        robot.connect()
+        yield robot
+        robot.close()
+    finally:
+        process.kill()
+        process.wait()
+
+
+@pytest.mark.parametrize("how", ["button", "Space", "Escape"])
+def test_stop_takes_the_motors_power_while_the_loop_is_busy(browser, served, how):
+    over = threading.Event()
+
+    def be_busy() -> None:
+        while not over.is_set():
+            sum(range(1000))
+
+    with LivePage(port=0) as page:
+        page.begin("a drive", [], BodyConfig(), served, lambda t_s: t_s)
+        tab = browser.open(page.url)
+        tab.wait_for("window.live?.phase() === 'wait' && socket.readyState === 1")
+        button = middle_of(tab, "$('stop')")
+        reports = []
+        while not reports or reports[-1].speed_left_mm_s < 150:
+            served.drive(200, 0)
+            time.sleep(0.02)
+            reports = served.poll() or reports
+        busy = threading.Thread(target=be_busy)
+        busy.start()
+        served.drive(200, 0)
+        pressed_s = time.monotonic()
+        tab.press(*button) if how == "button" else tab.press_key(how)
+        time.sleep(2 * STOP_S)
+        over.set()
+        busy.join()
+        later = [(served.host_time_s(r.mcu_time_us) - pressed_s, r) for r in served.poll()]
+        assert any(r.duty_left_permille > 0 for t_s, r in later)  # it drove until then
+        late = [r for t_s, r in later if t_s > STOP_S]
+        assert len(late) > 5
+        assert all(r.duty_left_permille == r.duty_right_permille == 0 for r in late)
+        assert all(r.fault == Fault.ESTOP_FRAME for r in late)
+        give_up_s = time.monotonic() + PATIENCE_S
+        while served.latest.speed_left_mm_s or served.latest.speed_right_mm_s:
+            assert time.monotonic() < give_up_s
+            time.sleep(0.05)
+            served.poll()
