@@ -27,7 +27,7 @@ class Pose:
     @staticmethod
     def planar(x_cm: float, z_cm: float, heading_rad: float, **more: float) -> Pose:
         """A robot on a floor; heading grows to the right (from z towards x)."""
-        c, s = np.cos(heading_rad), np.sin(heading_rad)
+        c, s = math.cos(heading_rad), math.sin(heading_rad)
         rotation = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
         return Pose(rotation, np.array([x_cm, 0.0, z_cm]), **more)
 

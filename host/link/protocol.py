@@ -368,6 +368,7 @@ class Layout(NamedTuple):
     type: type[Message]
     fields: tuple[Field, ...]
     packing: struct.Struct
+    enumerations: tuple[tuple[int, dict[int, IntEnum]], ...]  # place of a field, and what its numbers mean
 
     @property
     def id(self) -> int:
@@ -390,7 +391,12 @@ def _layout(message: type[Message]) -> Layout:
         kind, wire, meaning = get_args(hints[field.name])
         listed.append(Field(field.name, wire, None if kind is int else kind, meaning))
     packing = struct.Struct("<" + "".join(field.wire.code for field in listed))
-    return Layout(message, tuple(listed), packing)
+    enumerations = tuple(
+        (place, {member.value: member for member in field.enumeration})
+        for place, field in enumerate(listed)
+        if field.enumeration
+    )
+    return Layout(message, tuple(listed), packing, enumerations)
 
 
 LAYOUTS: dict[int, Layout] = {message.ID: _layout(message) for message in MESSAGES}
@@ -398,11 +404,14 @@ LAYOUTS: dict[int, Layout] = {message.ID: _layout(message) for message in MESSAG
 
 def build(layout: Layout, values: tuple[int, ...]) -> Message:
     """The message of `layout` with these field values; ValueError if an enumeration lacks one."""
+    meant: list[int] = [*values]
+    for place, members in layout.enumerations:
+        member = members.get(values[place])
+        if member is None:
+            raise ValueError(f"{values[place]} is no {layout.fields[place].meaning}")
+        meant[place] = member
     of_fields = cast(Callable[..., Message], layout.type)
-    return of_fields(*(
-        field.enumeration(value) if field.enumeration else value
-        for field, value in zip(layout.fields, values, strict=True)
-    ))  # fmt: skip
+    return of_fields(*meant)
 
 
 # --- Checksum -----------------------------------------------------------------------------------
@@ -473,13 +482,13 @@ def cobs_encode(raw: bytes) -> bytes:
 
 def cobs_decode(coded: bytes) -> bytes | None:
     """What `coded`, at least one byte and no zeros, stands for; None if its blocks do not add up."""
-    blocks = []
-    at = 0
-    while at < len(coded):
-        end = at + coded[at]
-        blocks.append(coded[at + 1 : end])
-        at = end
-    return b"\0".join(blocks) if at == len(coded) else None
+    raw = bytearray(coded)
+    at, end = 0, len(raw)
+    while at < end:  # each block begins with its length, where there was a zero
+        length = raw[at]
+        raw[at] = 0
+        at += length
+    return bytes(raw[1:]) if at == end else None
 
 
 def encode(message: Message, seq: int) -> bytes:

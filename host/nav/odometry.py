@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -24,7 +25,7 @@ START_CELLS = 1.2  # wheels that differ by less than this many may have gone equ
 EVEN_START = 0.1  # wheel speeds that differ by less than this part are a straight start
 EVEN_START_COUNTS = 0.1  # of the difference that a straight start leaves
 SLIP_CM2_PER_CM = 1e-4  # variance of a wheel's way that its turning does not tell: 1 mm over 1 m
-GROWN_CM = 1.0  # the covariance is carried on in steps of this way of a wheel
+GROWN_CM = 5.0  # the covariance is carried on in steps of this way of a wheel
 
 
 @dataclass(frozen=True)
@@ -77,8 +78,7 @@ def advance(x: float, z: float, heading: float, ds_left: float, ds_right: float,
     return x + chord * math.sin(middle), z + chord * math.cos(middle), heading + turn
 
 
-@dataclass(frozen=True)
-class _Node:
+class _Node(NamedTuple):
     """The middle of the axle at a time up to which nothing changes any more."""
 
     t_s: float
@@ -87,16 +87,19 @@ class _Node:
     x: float
     z: float
     heading: float
-    ratio: float  # left wheel over right, on the way from the last node to this one
 
 
 class Trail:
     """The way of the axle's middle through what is settled, with its covariance."""
 
-    def __init__(self, body: BodyConfig, ratio: float) -> None:
-        self.ratio = ratio
+    def __init__(self, body: BodyConfig) -> None:
+        ratio = body.wheel_ratio
+        self._larger, self._smaller = (
+            2 * ratio / (1 + ratio),
+            2 / (1 + ratio),
+        )  # left and right, over their mean
         self._track = body.track_cm
-        self._nodes = [_Node(-math.inf, 0.0, 0.0, 0.0, -body.camera_ahead_cm, 0.0, ratio)]
+        self._nodes = [_Node(-math.inf, 0.0, 0.0, 0.0, -body.camera_ahead_cm, 0.0)]
         self._times = [-math.inf]
         self._wheels = np.diag([body.size_sigma, body.ratio_sigma, body.track_sigma]) ** 2
         self._grown = np.zeros((6, 6))  # covariance of x, z, heading and the wheels' three, at a node
@@ -117,10 +120,13 @@ class Trail:
         """Where both wheels, rolling evenly on from a node to these travels, take the axle."""
         left, right = left_cm - node.left_cm, right_cm - node.right_cm
         if left == 0.0 and right == 0.0:
-            return _Node(t_s, left_cm, right_cm, node.x, node.z, node.heading, self.ratio)
-        larger, smaller = sizes(self.ratio)
-        x, z, heading = advance(node.x, node.z, node.heading, larger * left, smaller * right, self._track)
-        return _Node(t_s, left_cm, right_cm, x, z, heading, self.ratio)
+            return _Node(t_s, left_cm, right_cm, node.x, node.z, node.heading)
+        return _Node(t_s, left_cm, right_cm, *self._roll(node, left, right))
+
+    def _roll(self, node: _Node, left_cm: float, right_cm: float) -> tuple[float, float, float]:
+        """(x, z, heading) when both wheels have turned so far since a node."""
+        left, right = self._larger * left_cm, self._smaller * right_cm
+        return advance(node.x, node.z, node.heading, left, right, self._track)
 
     def append(self, t_s: float, left_cm: float, right_cm: float) -> None:
         """Settled up to here."""
@@ -134,7 +140,7 @@ class Trail:
 
     def renumber(self, left_cm: float, right_cm: float) -> None:
         """The travels at the newest node are these after all; the place is what it was."""
-        node = replace(self.last, left_cm=left_cm, right_cm=right_cm)
+        node = self.last._replace(left_cm=left_cm, right_cm=right_cm)
         if self._grown_at is self.last:
             self._grown_at = node
         self._nodes[-1] = node
@@ -156,11 +162,7 @@ class Trail:
         part = (t_s - before.t_s) / (after.t_s - before.t_s)
         left = part * (after.left_cm - before.left_cm)
         right = part * (after.right_cm - before.right_cm)
-        larger, smaller = sizes(after.ratio)
-        x, z, heading = advance(
-            before.x, before.z, before.heading, larger * left, smaller * right, self._track
-        )
-        return _Node(t_s, before.left_cm + left, before.right_cm + right, x, z, heading, after.ratio)
+        return _Node(t_s, before.left_cm + left, before.right_cm + right, *self._roll(before, left, right))
 
     def forget(self, t_s: float) -> None:
         """Nobody will ask for times before this one."""
@@ -187,8 +189,7 @@ class Trail:
 
         Both (3, 3) of x to the right, z ahead, heading, as seen at the first.
         """
-        larger, smaller = sizes((a.ratio + b.ratio) / 2)
-        left, right = larger * (b.left_cm - a.left_cm), smaller * (b.right_cm - a.right_cm)
+        left, right = self._larger * (b.left_cm - a.left_cm), self._smaller * (b.right_cm - a.right_cm)
         way, turn = (left + right) / 2, (left - right) / self._track
         c, s = math.cos(turn / 2), math.sin(turn / 2)
 
@@ -205,11 +206,6 @@ class Trail:
         return noise, np.column_stack([by_size, by_ratio, by_track])
 
 
-def sizes(ratio: float) -> tuple[float, float]:
-    """Left and right wheel over their mean, for left over right."""
-    return 2 * ratio / (1 + ratio), 2 / (1 + ratio)
-
-
 class Odometry:
     """The planar path of the robot; gives the camera's pose. World: the camera at the start."""
 
@@ -218,8 +214,7 @@ class Odometry:
         self._left: Wheel | None = None
         self._right: Wheel | None = None
         self._phase_known = False
-        self._learnt = Trail(body, body.wheel_ratio)
-        self._configured = Trail(body, body.wheel_ratio)
+        self._trail = Trail(body)
         self._begun = False
         self._start_sigma_cm = 0.0  # of the mean travel, since it began within a cell
         self._newest_s = -math.inf
@@ -237,15 +232,6 @@ class Odometry:
         """Time of the newest reading; -inf before the first."""
         return self._newest_s
 
-    @property
-    def wheel_ratio(self) -> float:
-        """Left wheel over right, from now on. What is settled stays where it was: poses never jump."""
-        return self._learnt.ratio
-
-    @wheel_ratio.setter
-    def wheel_ratio(self, ratio: float) -> None:
-        self._learnt.ratio = ratio
-
     def restart(self) -> None:
         """The robot restarted: its counts begin at zero again, where the wheels were at the last reading.
 
@@ -258,34 +244,30 @@ class Odometry:
 
     def add(self, reading: WheelReading) -> None:
         """Take one reading; readings out of order are ignored."""
-        left, right = self._zeros
-        r = replace(reading, count_left=reading.count_left + left, count_right=reading.count_right + right)
+        t_s = reading.t_s
+        left, right = reading.count_left + self._zeros[0], reading.count_right + self._zeros[1]
         if self._left is None or self._right is None:
             cell = self._body.cm_per_count
-            self._left = Wheel(cell, r.t_s, r.count_left)
-            self._right = Wheel(cell, r.t_s, r.count_right)
-        if r.t_s <= self._newest_s:
+            self._left, self._right = Wheel(cell, t_s, left), Wheel(cell, t_s, right)
+        if t_s <= self._newest_s:
             return
-        self._newest_s = r.t_s
-        counts = (r.count_left, r.count_right)
-        before = self._counts or counts
-        self._rolled = [n + abs(b - a) for n, a, b in zip(self._rolled, before, counts, strict=True)]
-        self._counts = counts
-        self._left.add(r.t_s, r.count_left, r.edge_left_s, r.direction_left)
-        self._right.add(r.t_s, r.count_right, r.edge_right_s, r.direction_right)
+        self._newest_s = t_s
+        before_left, before_right = self._counts or (left, right)
+        self._rolled[0] += abs(left - before_left)
+        self._rolled[1] += abs(right - before_right)
+        self._counts = left, right
+        self._left.add(t_s, left, reading.edge_left_s, reading.direction_left)
+        self._right.add(t_s, right, reading.edge_right_s, reading.direction_right)
         self._settle()
         self._find_phase()
-        oldest_s = r.t_s - HISTORY_S
-        for part in (self._learnt, self._configured, self._left, self._right):
-            part.forget(oldest_s)
+        for part in (self._trail, self._left, self._right):
+            part.forget(t_s - HISTORY_S)
 
     def _settle(self) -> None:
         assert self._left is not None and self._right is not None
         until_s = min(self._left.settled_s, self._right.settled_s)
-        for t_s in self._bends(self._learnt.last.t_s, until_s):
-            travels = self._travels(t_s)
-            self._learnt.append(t_s, *travels)
-            self._configured.append(t_s, *travels)
+        for t_s in self._bends(self._trail.last.t_s, until_s):
+            self._trail.append(t_s, *self._travels(t_s))
         if not self._begun and self._left.edges + self._right.edges > 0:
             self._begin(self._body.cm_per_count * REST_SIGMA_COUNTS / math.sqrt(2))
 
@@ -300,8 +282,7 @@ class Odometry:
         """The wheels have moved: the camera began where it was, but within their cells they did anywhere."""
         sigma = 2 * sigma_way_cm if sigma_difference_cm is None else sigma_difference_cm
         self._begun, self._start_sigma_cm = True, sigma_way_cm
-        for trail in (self._learnt, self._configured):
-            trail.begin(sigma_way_cm, sigma / self._body.track_cm)
+        self._trail.begin(sigma_way_cm, sigma / self._body.track_cm)
 
     def _find_phase(self) -> None:
         """Where in its cell each wheel began: from how it started, and on a straight start both alike."""
@@ -326,9 +307,8 @@ class Odometry:
             cell = self._body.cm_per_count
             self._begin(math.sqrt(a * b / (a + b)), EVEN_START_COUNTS * cell)
             # both have come so much further than was thought, which the next step makes up for
-            behind_left, behind_right = (s - on for s in self._travels(self._learnt.last.t_s))
-            self._learnt.renumber(behind_left, behind_right)
-            self._configured.renumber(behind_left, behind_right)
+            behind_left, behind_right = (s - on for s in self._travels(self._trail.last.t_s))
+            self._trail.renumber(behind_left, behind_right)
 
     def _travels(self, t_s: float) -> tuple[float, float]:
         """Travel of both wheels; equal for a straight start, until the phases are known."""
@@ -339,12 +319,12 @@ class Odometry:
             return (left + right) / 2, (left + right) / 2
         return left, right
 
-    def _axle(self, t_s: float, trail: Trail) -> _Node:
-        node = trail.last
+    def _axle(self, t_s: float) -> _Node:
+        node = self._trail.last
         if t_s <= node.t_s or self._left is None:
-            return trail.at(t_s)
+            return self._trail.at(t_s)
         for when in self._bends(node.t_s, t_s):
-            node = trail.step(node, when, *self._travels(when))
+            node = self._trail.step(node, when, *self._travels(when))
         return node
 
     def pose_at(self, t_s: float) -> Pose:
@@ -354,7 +334,7 @@ class Odometry:
         wrong wheel size scales all travel alike and is not in them (see `covariance_at`). Times before the
         history give its oldest pose.
         """
-        node = self._axle(t_s, self._learnt)
+        node = self._axle(t_s)
         if not self._begun or self._left is None or self._right is None:
             return self._camera(node, t_s)
         both = math.hypot(self._left.sigma(t_s), self._right.sigma(t_s))
@@ -364,10 +344,6 @@ class Odometry:
             sigma_z_cm=math.hypot(both / 2, self._start_sigma_cm),
             sigma_rot_rad=math.sqrt(2) * both / self._body.track_cm,
         )
-
-    def dead_reckoning_at(self, t_s: float) -> Pose:
-        """The same with the wheels as they were configured, whatever was learnt of them since."""
-        return self._camera(self._axle(t_s, self._configured), t_s)
 
     def _camera(self, node: _Node, t_s: float, **more: float) -> Pose:
         x, z = self._lens(node)
@@ -379,18 +355,18 @@ class Odometry:
 
     def covariance_at(self, t_s: float) -> np.ndarray:
         """(3, 3) of x, z, heading of the camera's pose since the start, in cm and rad; it only grows."""
-        node = self._axle(t_s, self._learnt)
+        node = self._axle(t_s)
         if not self._begun:
             return np.zeros((3, 3))
         lever = self._lever(node.heading)
-        return lever @ (self._learnt.covariance(node) + self._cells(t_s, node.heading)) @ lever.T
+        return lever @ (self._trail.covariance(node) + self._cells(t_s, node.heading)) @ lever.T
 
     def motion(self, from_s: float, to_s: float) -> Motion:
         """How the camera moved between two times of the last second."""
-        a, b = self._axle(from_s, self._learnt), self._axle(to_s, self._learnt)
+        a, b = self._axle(from_s), self._axle(to_s)
         (xa, za), (xb, zb) = self._lens(a), self._lens(b)
         c, s = math.cos(a.heading), math.sin(a.heading)
-        noise, by_wheels = self._learnt.between(a, b)
+        noise, by_wheels = self._trail.between(a, b)
         turn = b.heading - a.heading
         if a.left_cm != b.left_cm or a.right_cm != b.right_cm:
             noise = noise + self._cells(from_s, 0.0) + self._cells(to_s, turn)
@@ -402,7 +378,7 @@ class Odometry:
             turn,
             lever @ noise @ lever.T,
             lever @ by_wheels,
-            self._learnt.wheels,
+            self._trail.wheels,
         )
 
     def _lever(self, heading: float) -> np.ndarray:

@@ -149,26 +149,6 @@ def test_uncertainty_only_grows():
     assert before > 1e-4
 
 
-def test_a_ratio_learnt_on_the_way_moves_nothing_that_was_driven_and_straightens_what_comes():
-    ratio, odometry = 1.03, Odometry(BODY)
-    cell = BODY.cm_per_count
-    left, right = 20.0 * 2 / (1 + ratio), 20.0 * 2 * ratio / (1 + ratio)  # the larger wheel turns less
-    for k in range(1, 1001):
-        t_s = k / 100
-        counts = [math.floor(v * t_s / cell + 0.5) for v in (left, right)]
-        edges = [(n - 0.5) * cell / v if n >= 1 else None for n, v in zip(counts, (left, right), strict=True)]
-        odometry.add(WheelReading(t_s, counts[0], counts[1], *edges))
-        if k == 500:
-            before = odometry.pose_at(4.9)
-            odometry.wheel_ratio = ratio
-            after = odometry.pose_at(4.9)
-            assert np.allclose(before.position_cm, after.position_cm, atol=0.02)
-            bend = heading_of(before)
-    assert abs(bend) > 0.15
-    assert abs(heading_of(odometry.pose_at(9.9)) - bend) < 0.005
-    assert abs(heading_of(odometry.dead_reckoning_at(9.9))) > 1.8 * abs(bend)
-
-
 def test_memory_stays_flat():
     drive, odometry = Drive(7, 40.0), Odometry(BODY)
     readings = drive.readings()
