@@ -46,7 +46,8 @@ RUNS = Path("runs")
 class MeasureOptions:
     """Measure depth in a sequence (camera.json, poses.csv, images) or a recording, or regions in a still."""
 
-    sequence: Positional[Annotated[Path | None, arg(metavar="[SEQUENCE]")]] = None  # a folder, or run.mcap
+    sequence: Positional[Annotated[Path | None, arg(metavar="[SEQUENCE]")]] = None
+    """the sequence folder, or run.mcap"""
     poses: Path | None = None  # poses to use instead of the folder's poses.csv
     json: Path | None = None  # write all results to this file
     pictures: Path | None = None  # write pictures of net, depths and vertices into this folder
