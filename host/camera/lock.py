@@ -87,7 +87,10 @@ def hold_still(
             tell(f"camera {device}: its {knob.what} stays automatic; run {_command(device, remedies[knob])}")
     if EXPOSURE not in knobs:
         tell(f"camera {device}: its exposure cannot be locked; keep the light even, or take another camera")
-    elif exposure == 0 and EXPOSURE.value_id in controls:
+    if bright < DARK_LEVELS:
+        tell(f"camera {device}: its picture is dark; uncover the lens or make light, then start again")
+        return
+    if EXPOSURE in knobs and exposure == 0 and EXPOSURE.value_id in controls:
         _match(driver, controls[EXPOSURE.value_id], take, bright, device, tell)
     for _ in range(TAKES_EFFECT_PICTURES):
         take()
@@ -108,7 +111,10 @@ def _lock(driver: Driver, controls: dict[int, Control], knob: Knob, wanted: int 
         asked[value] = min(max(asked[value], value.lowest), value.highest)
     for control, setting in asked.items():
         _try_set(driver, control, setting)
-    held = all(_try_get(driver, control) == setting for control, setting in asked.items())
+    # A driver rounds to its steps.
+    held = all(
+        abs(_try_get(driver, control) - setting) < max(control.step, 1) for control, setting in asked.items()
+    )
     return ",".join(f"{control.name}={setting}" for control, setting in asked.items()), held
 
 
@@ -121,9 +127,6 @@ def _match(
     tell: Callable[[str], None],
 ) -> None:
     """Set the exposure until pictures are as bright as before; not all cameras tell what automatic had."""
-    if bright < DARK_LEVELS:
-        tell(f"camera {device}: its picture is dark; uncover the lens or make light, then start again")
-        return
     now, setting = bright, _try_get(driver, value)
     for _ in range(MATCH_STEPS):
         for _ in range(TAKES_EFFECT_PICTURES):

@@ -47,6 +47,7 @@ class Control:
     name: str  # as v4l2-ctl has it
     lowest: int
     highest: int
+    step: int
 
 
 @dataclass(frozen=True)
@@ -108,11 +109,10 @@ class Driver:
         with contextlib.suppress(OSError):  # that is how the list ends
             while True:
                 asked = CONTROL.pack(number | NEXT_CONTROL, 0, b"", 0, 0, 0, 0, 0)
-                number, _, name, lowest, highest, _, _, flags = CONTROL.unpack(
-                    self._ask(QUERY_CONTROL, asked)
-                )
+                answer = self._ask(QUERY_CONTROL, asked)
+                number, _, name, lowest, highest, step, _, flags = CONTROL.unpack(answer)
                 if not flags & DISABLED:
-                    out[number] = Control(number, _variable(_text(name)), lowest, highest)
+                    out[number] = Control(number, _variable(_text(name)), lowest, highest, step)
         return out
 
     def get(self, control: Control) -> int:
