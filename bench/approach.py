@@ -21,6 +21,7 @@ from bench.drives import Drive, run_all
 from bench.figures_file import check_json, write_json
 from bench.figures_table import print_figures
 from bench.options import at_least
+from host.config import read_options
 from host.errors import run_command
 
 TITLE = "Stopping before what is ahead"
@@ -103,9 +104,7 @@ ROWS = {
 
 def main() -> None:
     """The command."""
-    import tyro
-
-    options = tyro.cli(Options, description=__doc__)
+    options = read_options(Options)
     at_least("runs", options.runs, 1)
     at_least("jobs", options.jobs, 1)
     check_json(options.json)

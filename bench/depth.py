@@ -22,7 +22,6 @@ from typing import Any
 
 import cv2
 import numpy as np
-import tyro
 from rich.console import Console
 from rich.progress import track as progress
 from rich.table import Table
@@ -34,6 +33,7 @@ from bench.figures_file import check_json, write_json
 from bench.label_map import label_map
 from bench.memory import peak_kb
 from bench.options import at_least
+from host.config import read_options
 from host.depth.estimator import Estimator
 from host.depth.report import DepthReport
 from host.errors import run_command
@@ -237,7 +237,7 @@ def _cell(value: float | None, digits: int = 2) -> str:
 
 def main() -> None:
     """Measure, print the tables, and write them as JSON if asked to."""
-    options = tyro.cli(Options)
+    options = read_options(Options)
     check_json(options.json)
     at_least("seeds", options.seeds, 1)
     at_least("shake-deg", options.shake_deg, 0)

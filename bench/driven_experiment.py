@@ -23,7 +23,7 @@ from rich.table import Table
 
 from bench.figures_file import check_json, write_json
 from bench.options import at_least
-from host.config import Config
+from host.config import Config, read_options
 from host.depth.estimator import Estimator
 from host.depth.report import DepthReport
 from host.errors import run_command
@@ -240,9 +240,7 @@ def print_table(figures: dict[str, dict[str, Any]], options: Options) -> None:
 
 def main() -> None:
     """The command."""
-    import tyro
-
-    options = tyro.cli(Options, description=__doc__)
+    options = read_options(Options)
     at_least("seeds", options.seeds, 1)
     at_least("baseline", options.baseline, 2)
     at_least("speed", options.speed, 2)

@@ -21,7 +21,7 @@ from rich.table import Table
 
 from bench.figures_file import check_json, write_json
 from bench.options import at_least
-from host.config import Config
+from host.config import Config, read_options
 from host.errors import run_command
 from host.link.robot import Robot
 from host.nav.drive import drive
@@ -174,9 +174,7 @@ def figures_of(endurance: Endurance) -> dict[str, Any]:
 
 def main() -> None:
     """The command."""
-    import tyro
-
-    options = tyro.cli(Options, description=__doc__)
+    options = read_options(Options)
     at_least("minutes", options.minutes, 1)
     check_json(options.json)
     endurance = Endurance(options.camera, options.minutes)

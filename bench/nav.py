@@ -23,6 +23,7 @@ from bench.drives import Drive, run_all
 from bench.figures_file import check_json, write_json
 from bench.figures_table import percent, print_figures
 from bench.options import at_least
+from host.config import read_options
 from host.errors import run_command
 from host.nav.stand import FARTHEST_DEPTH_CM, USABLE
 from host.sim.drive_scenes import PATH_WIDTH_CM, free_loop
@@ -225,9 +226,7 @@ HEADS = {
 
 def main() -> None:
     """The command."""
-    import tyro
-
-    options = tyro.cli(Options, description=__doc__)
+    options = read_options(Options)
     at_least("rooms", options.rooms, 1)
     at_least("jobs", options.jobs, 1)
     at_least("max-time", options.max_time, 1)

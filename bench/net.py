@@ -16,7 +16,6 @@ from statistics import median
 
 import cv2
 import numpy as np
-import tyro
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
@@ -25,6 +24,7 @@ from bench.figures_file import check_json, write_json
 from bench.flat_scenes import DISTURBANCES, FlatScene, Score, labels_of, score
 from bench.memory import peak_mb_of_tracking
 from bench.options import at_least
+from host.config import read_options
 from host.errors import run_command
 from host.rbdn import Net, NetConfig
 
@@ -277,7 +277,7 @@ def _quality(row: Row) -> tuple[str, str]:
 
 def main() -> None:
     """Measure, print the table, and write it as JSON if asked to."""
-    options = tyro.cli(Options)
+    options = read_options(Options)
     check_json(options.json)
     at_least("scenes", options.scenes, 1)
     at_least("rounds", options.rounds, 1)

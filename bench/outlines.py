@@ -16,12 +16,12 @@ from math import erf, hypot, pi, sqrt
 from pathlib import Path
 
 import numpy as np
-import tyro
 from rich.console import Console
 from rich.table import Table
 
 from bench.figures_file import check_json, write_json
 from bench.options import at_least
+from host.config import read_options
 from host.errors import run_command
 from host.rbdn import Net, Region, Snapshot
 
@@ -325,7 +325,7 @@ def table_of(mixing: str, results: dict[tuple[str, float], dict]) -> Table:
 
 def main() -> None:
     """Measure, print the table, and write it as JSON if asked to."""
-    options = tyro.cli(Options)
+    options = read_options(Options)
     check_json(options.json)
     at_least("scenes", options.scenes, 1)
     console = Console(width=110)

@@ -16,13 +16,14 @@ from zipfile import BadZipFile
 
 import cv2
 import numpy as np
-import tyro
 from rich.console import Console
 from rich.table import Table
+from tyro.conf import Positional
 
 from bench.figures_file import check_json, write_json
 from bench.flat_scenes import labels_of
 from bench.options import at_least
+from host.config import read_options
 from host.errors import InputError, UsageError, run_command
 from host.rbdn import Net, NetConfig
 
@@ -36,7 +37,7 @@ OURS, RIVAL = "net", "felzenszwalb"
 class Options:
     """Compare the net's outlines in photographs with people's, beside felzenszwalb's."""
 
-    folder: tyro.conf.Positional[Path]
+    folder: Positional[Path]
     """Holds images/NAME.jpg and gt/NAME.npz."""
     merge_distances: tuple[float, ...] = (7.5, 10.0, 14.0)
     """Settings of the net; each gives another number of regions."""
@@ -205,7 +206,7 @@ def _photographs(folder: Path) -> list[tuple[Path, np.ndarray]]:
 
 def main() -> None:
     """Measure, print the table, and write it as JSON if asked to."""
-    options = tyro.cli(Options)
+    options = read_options(Options)
     check_json(options.json)
     at_least("merge-distances", len(options.merge_distances), 1)
     at_least("merge-distances", min(options.merge_distances), 1)

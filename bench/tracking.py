@@ -18,10 +18,10 @@ from typing import Annotated, Any
 
 import cv2
 import numpy as np
-import tyro
 from rich.console import Console
 from rich.progress import track as progress
 from rich.table import Table
+from tyro.conf import Positional
 
 from bench.figures_file import check_json, write_json
 from bench.label_map import iou_table, label_map, overlaps
@@ -29,6 +29,7 @@ from bench.options import at_least
 from bench.passes import KINDS, LOOKS, STILL_FRAMES, PassScene
 from bench.sequences import LongRun, Shot, Truth, corridor, recorded, table_top
 from host.camera.lens import Lens
+from host.config import read_options
 from host.errors import run_command
 from host.rbdn import Net
 
@@ -47,7 +48,7 @@ SAME_DEPTH = 0.1  # relative; what differs more is another surface
 class Options:
     """Measure whether tracking decays and print one table."""
 
-    sequences: Annotated[tuple[Path, ...], tyro.conf.Positional] = ()
+    sequences: Annotated[tuple[Path, ...], Positional] = ()
     """Sequence folders, played to and fro."""
     json: Path | None = None
     """Also write the figures to this file."""
@@ -348,7 +349,7 @@ def table_of(figures: dict[str, dict[str, Any]]) -> Table:
 
 def main() -> None:
     """Measure, print the table, and write it as JSON if asked to."""
-    options = tyro.cli(Options)
+    options = read_options(Options)
     check_json(options.json)
     at_least("scenes", options.scenes, 1)
     at_least("frames", options.frames, 2)

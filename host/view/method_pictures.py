@@ -10,18 +10,19 @@ from host.errors import begin_command, run_command
 if __name__ == "__main__":
     begin_command()
 
-import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import cv2
 import numpy as np
+from tyro.conf import Positional, arg
 
 from host.camera.lens import Lens
+from host.config import read_options
 from host.depth.estimator import Estimator
 from host.depth.report import DepthReport
-from host.errors import UsageError
 from host.pose import Pose
 from host.rbdn import Net, NetConfig, Snapshot, _core
 from host.record.atomic import check_writable, write_whole
@@ -64,12 +65,16 @@ CLAIMED: Colour = (60, 60, 235)
 Faces = dict[str, np.ndarray]
 
 
+@dataclass(frozen=True)
+class PicturesOptions:
+    """Draw the pictures of docs/algorithm.md anew."""
+
+    folder: Positional[Annotated[Path, arg(metavar="[FOLDER]")]] = FOLDER  # where they go
+
+
 def main() -> None:
     """The command."""
-    arguments = sys.argv[1:]
-    if len(arguments) > 1 or any(argument.startswith("-") for argument in arguments):
-        raise UsageError(f"{' '.join(arguments)}: give one folder, or nothing for {FOLDER}")
-    folder = Path(arguments[0]) if arguments else FOLDER
+    folder = read_options(PicturesOptions).folder
     check_writable(folder, folder=True)
     for name, draw in PICTURES.items():
         how = [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY] if name.endswith(".jpg") else []
