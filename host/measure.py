@@ -14,14 +14,13 @@ from host.errors import InputError, UsageError, begin_command, run_command
 if __name__ == "__main__":
     begin_command()
 
-import contextlib
 import json
 import math
 import os
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Protocol
@@ -29,6 +28,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Protocol
 from tyro.conf import Positional, arg
 
 from host.config import Config, read_command_line
+from host.progress import progress
 
 if TYPE_CHECKING:  # so that --help need not wait for OpenCV
     import numpy as np
@@ -175,7 +175,7 @@ def run_sequence(folder: Path, options: MeasureOptions, config: Config) -> None:
     pictures = None if options.pictures is None else SequencePictures(sequence, options.pictures)
     frames: list[dict[str, Any]] = []
     last: MeasuredFrame | None = None
-    with _progress(len(sequence.frames) * (1 if pictures is None else 2)) as advance:
+    with progress("measuring", len(sequence.frames) * (1 if pictures is None else 2)) as advance:
         for last in measure_sequence(
             sequence, Net(config.net, sequence.lens), Estimator(sequence.lens, config.depth)
         ):
@@ -290,18 +290,6 @@ def _vertex_dicts(snapshot: Snapshot, depths: DepthReport) -> list[dict[str, Any
             told["sensitivity"] = float(found.sensitivity[row])
         out.append(told)
     return out
-
-
-@contextlib.contextmanager
-def _progress(total: int) -> Iterator[Callable[[], None]]:
-    """A bar on stderr where that is a terminal; nothing elsewhere."""
-    from rich.console import Console
-    from rich.progress import Progress
-
-    console = Console(stderr=True)
-    with Progress(console=console, disable=not console.is_terminal, transient=True) as bar:
-        task = bar.add_task("measuring", total=total)
-        yield lambda: bar.advance(task)
 
 
 def _print_table(last: MeasuredFrame, frames: list[dict[str, Any]], options: MeasureOptions) -> None:

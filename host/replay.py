@@ -23,7 +23,8 @@ from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import Positional, arg
 
-from host.config import read_config, read_options
+from host.config import Config, read_config, read_options
+from host.progress import progress
 
 if TYPE_CHECKING:  # so that --help need not wait for OpenCV
     from host.record.mcap_reader import Recording
@@ -62,18 +63,14 @@ def main() -> int:
     return EXIT_DONE if tally.same else EXIT_DIFFERENT
 
 
-def _replay_all(recording: Recording, config: object, tally: Tally) -> None:
-    from rich.console import Console
-    from rich.progress import Progress
-
+def _replay_all(recording: Recording, config: Config | None, tally: Tally) -> None:
     from host.record.replayed import replay
 
-    console = Console(stderr=True)
-    with Progress(console=console, disable=not console.is_terminal, transient=True) as bar:
-        task = bar.add_task("replaying", total=recording.frame_count)
-        for step in replay(recording, config, tally):  # type: ignore[arg-type]
+    with progress("replaying", recording.frame_count) as advance:
+        for step in replay(recording, config, tally):
             tally.count(step)
-            bar.update(task, completed=step.frame + 1)
+            if step.view is not None:
+                advance()
 
 
 def _changed(recording: Recording, other_settings: bool) -> list[str]:

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Annotated
 from tyro.conf import Positional, arg
 
 from host.config import read_options
+from host.progress import progress
 
 if TYPE_CHECKING:  # so that --help need not wait for OpenCV
     from host.pose import Pose
@@ -35,23 +36,18 @@ class Options:
 def main() -> None:
     """The command."""
     options = read_options(Options)
-    from rich.console import Console
-    from rich.progress import Progress
-
     from host.record.recorded_sequence import read_recorded_sequence
     from host.record.sequence import write_sequence
 
     sequence = read_recorded_sequence(options.recording)
     for note in sequence.notes:
         print(f"note: {note}", file=sys.stderr)
-    console = Console(stderr=True)
-    with Progress(console=console, disable=not console.is_terminal, transient=True) as bar:
-        task = bar.add_task("exporting", total=len(sequence.frames))
+    with progress("exporting", len(sequence.frames)) as advance:
 
         def pictures() -> Iterator[tuple[bytes, Pose]]:
             for index, frame in enumerate(sequence.frames):
                 yield sequence.file(index), frame.pose
-                bar.advance(task)
+                advance()
 
         write_sequence(options.folder, sequence.lens, pictures())
     print(f"{len(sequence.frames)} pictures with poses: {options.folder}; try python -m host.measure on it")

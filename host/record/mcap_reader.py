@@ -130,6 +130,7 @@ class Recording:
         self.toml = ""
         self.closed = False
         self.entry_count = 0
+        self._wall_ns: int | None = None  # wall clock less host clock
         try:
             with open(path, "rb") as file:
                 self._look_through(file, os.fstat(file.fileno()).st_size)
@@ -164,6 +165,10 @@ class Recording:
             raise InputError(
                 f"{self.path}: recorded by a program with other settings ({error}); use that version"
             ) from None
+
+    def host_time_s(self, t_ns: int) -> float:
+        """The host clock's time, as pictures and journal have it, of a message's; without a picture 0."""
+        return 0.0 if self._wall_ns is None else 1e-9 * (t_ns - self._wall_ns)
 
     # --- What is in it --------------------------------------------------------------------------
 
@@ -230,7 +235,7 @@ class Recording:
             raise InputError(f"{self.path}: {what}; give a recording made with --record")
         at, sums, number = len(MCAP0_MAGIC), zlib.crc32(MCAP0_MAGIC), 0
         first_ns = last_ns = None
-        pending: int | None = None  # the number of the picture that comes next
+        pending: Entry | None = None  # of the picture that comes next
         while True:
             head = file.read(HEAD.size)
             kind, length = HEAD.unpack(head) if len(head) == HEAD.size else (0, 0)
@@ -272,11 +277,14 @@ class Recording:
             if file.read() == MCAP0_MAGIC and size > at:
                 raise self._damaged(at, "a record reaches beyond the end of the file")
 
-    def _index(self, message: Message, place: int, pending: int | None, at: int) -> int | None:
-        """Note what a message is; the number of the picture that comes with the next one, if one does."""
+    def _index(self, message: Message, place: int, pending: Entry | None, at: int) -> Entry | None:
+        """Note what a message is; the entry of the picture that comes with the next one, if one does."""
         topic = self._topics[message.channel_id]
         if topic == "/camera/image/compressed" and pending is not None:
-            self._places[pending] = len(self._chunks), place
+            self._places[pending["frame"]] = len(self._chunks), place
+            if self._wall_ns is None:
+                stamp_ns, _, _ = ros.read_compressed_image(message.data)
+                self._wall_ns = stamp_ns - round(1e9 * pending["t_s"])
         elif topic == "/config":
             self.toml = ros.read_string(message.data)
         elif topic == "/journal":
@@ -287,7 +295,7 @@ class Recording:
                     case "begin":
                         self.begin = entry
                     case "frame":
-                        return entry["frame"]
+                        return entry
                     case "end":
                         self.closed = True
             except NOT_READABLE:

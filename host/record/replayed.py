@@ -11,6 +11,7 @@ from typing import Any
 from host.camera.frame import Frame
 from host.config import Config
 from host.errors import InputError
+from host.nav.map import ObstacleMap
 from host.nav.pilot import Pilot, View
 from host.record.journal import Entry, command_as_dict, made_as_dict, reading_of, task_of
 from host.record.mcap_reader import NOT_READABLE, Recording
@@ -49,6 +50,7 @@ class Step:
     frame: int
     t_s: float  # since the recording's first picture
     view: View | None  # None for a command between pictures
+    map: ObstacleMap  # as it stands then; the next step changes it
     made: Entry  # as the recording has it
     differences: tuple[Difference, ...]  # one at most for each part
 
@@ -207,19 +209,19 @@ class _Replay:
             if words is not None:
                 found.append(self._difference(part, *words))
         self._view = None
-        return Step(was["frame"], self._time_s(), view, was, tuple(found))
+        return Step(was["frame"], self._time_s(), view, self._pilot.map, was, tuple(found))
 
     def _decided(self, was: Entry, now: Entry) -> Step:
         words = _command_words(was["command"], json.loads(json.dumps(now)))
         self._command = None
         found = () if words is None else (self._difference("command", *words),)
-        return Step(self._frame["frame"], self._time_s(), None, was, found)
+        return Step(self._frame["frame"], self._time_s(), None, self._pilot.map, was, found)
 
     def _failed(self, why: str) -> Step:
         """The replay is over: the program fails where it did not, or fails again."""
         found = (self._difference("command", "a command, or the same failure", why),)
         self._tally.notes.append("the replay ends where the program failed")
-        return Step(self._frame["frame"], self._time_s(), None, {}, found)
+        return Step(self._frame["frame"], self._time_s(), None, self._pilot.map, {}, found)
 
     def _difference(self, part: str, was: str, now: str) -> Difference:
         frame = self._frame
