@@ -17,7 +17,9 @@ from host.camera.webcam import lasting_path, open_webcam
 from host.errors import DeviceError, InputError, UsageError, tell
 
 # The messages of OpenCV go past Python; what matters in them is said in our words.
-cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_ERROR)
+LOG_ERRORS = 2
+set_log_level = getattr(cv2, "setLogLevel", None) or cv2.utils.logging.setLogLevel  # of OpenCV 4, and of 5
+set_log_level(LOG_ERRORS)
 
 FIRST_FRAME_S = 5.0
 STREAMS = ("http://", "https://")
