@@ -6,7 +6,7 @@ import contextlib
 import socket
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from http import HTTPStatus
 
 from pictures import jpeg
@@ -16,7 +16,7 @@ BOUNDARY = b"frame"
 
 
 class MjpegServer(threading.Thread):
-    """Serves every caller picture after picture, ``jpeg(number)``, until it is told otherwise.
+    """Serves every caller picture after picture, `picture` of a number, until it is told otherwise.
 
     `fault` may be ``stalls`` (the line stays open, nothing comes), ``drops`` (it hangs up in the middle of a
     picture), ``refuses`` (it hangs up on every caller), ``repeats`` or None.
@@ -29,9 +29,11 @@ class MjpegServer(threading.Thread):
         chunked: bool = False,
         kind: str = f"multipart/x-mixed-replace; boundary=--{BOUNDARY.decode()}",
         status: HTTPStatus = HTTPStatus.OK,
+        picture: Callable[[int], bytes] = jpeg,
     ) -> None:
         super().__init__(daemon=True)
         self._lengths, self._chunked, self._kind, self._status = lengths, chunked, kind, status
+        self._picture = picture
         self._listener = socket.create_server(("127.0.0.1", 0))
         self.url = f"http://127.0.0.1:{self._listener.getsockname()[1]}/video?size=small"
         self.fault: str | None = None
@@ -86,7 +88,7 @@ class MjpegServer(threading.Thread):
     def _part(self) -> bytes:
         self.number += self.fault != "repeats"
         self.sent[self.number] = time.monotonic()
-        picture = jpeg(self.number)
+        picture = self._picture(self.number)
         length = b"Content-Length: %d\r\n" % len(picture) if self._lengths else b""
         return b"--%b\r\nContent-Type: image/jpeg\r\n%b\r\n%b\r\n" % (BOUNDARY, length, picture)
 
