@@ -27,6 +27,7 @@ from mcap.stream_reader import breakup_chunk
 from mcap.writer import MCAP0_MAGIC
 
 from host.camera.frame import Frame
+from host.camera.jpeg import COLOUR
 from host.camera.lens import Lens
 from host.config import Config, parse_config
 from host.errors import InputError, UsageError
@@ -88,7 +89,7 @@ class RecordedFrame:
         InputError
             The picture cannot be decoded.
         """
-        image = cv2.imdecode(np.frombuffer(self.file, np.uint8), cv2.IMREAD_COLOR)
+        image = cv2.imdecode(np.frombuffer(self.file, np.uint8), COLOUR)
         if image is None:
             raise InputError(f"picture {self.number} of the recording cannot be decoded; {REMEDY}")
         return Frame(image, self.t_s, self.seq, self.file if self.is_jpeg else None)

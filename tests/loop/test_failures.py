@@ -69,6 +69,9 @@ def test_a_camera_that_fails_for_two_seconds_stops_the_robot_for_as_long(words):
     assert log.outcome == "timeout", log.reason
     for fault in faults:
         assert said(log, words[fault.kind]), [d.reason for d in log.decisions]
+        if fault.kind in ("silent", "gone"):
+            said_s = min(d.t_s for d in log.decisions if words[fault.kind] in d.reason)
+            assert watched.way[0][0] + said_s - fault.from_s <= 0.3
         went_cm = watched.went_cm(fault.from_s, fault.until_s)
         print(f"\n{fault.kind}: went on for {went_cm:.1f} cm")
         assert went_cm < STOPS_WITHIN_CM
