@@ -43,7 +43,10 @@ def test_every_native_module_that_was_not_built_is_named():
 @pytest.mark.parametrize("wait_s", [0.1, 0.3])
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_during_the_start_ends_it_in_one_line(command, wait_s, number):
+    # A shell starts what runs behind with SIGINT ignored, and a child would inherit that from this process.
+    heeding = signal.signal(signal.SIGINT, signal.default_int_handler)
     process = subprocess.Popen([sys.executable, *command], cwd=ROOT, stderr=subprocess.PIPE, text=True)
+    signal.signal(signal.SIGINT, heeding)
     time.sleep(wait_s)
     if process.poll() is None:
         process.send_signal(number)
