@@ -6,7 +6,13 @@ from dataclasses import dataclass
 
 from host.ranges import check_ranges
 
-RANGES = {"width": (16, 20000), "height": (16, 20000), "fps": (1.0, 1000.0), "exposure": (0, 100000)}
+RANGES = {
+    "width": (16, 20000),
+    "height": (16, 20000),
+    "fps": (1.0, 1000.0),
+    "exposure": (0, 100000),
+    "focus": (0, 100000),
+}
 
 
 @dataclass(frozen=True)
@@ -21,6 +27,9 @@ class WebcamConfig:
     """hold exposure, white balance, gain and focus still, as measuring by colour and size needs it"""
     exposure: int = 0
     """to lock it at, in the camera's own units, often 0.1 ms; 0: as bright as automatic exposure is"""
+
+    focus: int = 0
+    """to hold it at, in the camera's own units; 0 is far on most; a lens is calibrated at one of them"""
 
     def __post_init__(self) -> None:
         check_ranges(self, RANGES)

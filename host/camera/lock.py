@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from host.camera.config import WebcamConfig
 from host.camera.v4l2 import Control, Driver
 
 SETTLE_PICTURES = 20  # for what is automatic to find its values
@@ -38,11 +39,12 @@ class Knob:
 
 
 EXPOSURE = Knob("exposure", 0x009A0901, 1, 3, 0x009A0902)
+FOCUS = Knob("focus", 0x009A090C, 0, 1, 0x009A090A)
 KNOBS = (
     EXPOSURE,
     Knob("white balance", 0x0098090C, 0, 1, 0x0098091A),
     Knob("gain", 0x00980912, 0, 1, 0x00980913),
-    Knob("focus", 0x009A090C, 0, 1, 0x009A090A),
+    FOCUS,
 )
 RATE_MAY_DROP_ID = 0x009A0903  # longer exposures for fewer pictures a second
 
@@ -51,10 +53,10 @@ def hold_still(
     driver: Driver,
     take: Callable[[], np.ndarray],
     device: Path,
-    exposure: int,
+    config: WebcamConfig,
     tell: Callable[[str], None],
 ) -> None:
-    """Let everything automatic settle, then lock it where it is.
+    """Let what is automatic settle, then lock it where it is; the focus where it is wanted.
 
     Parameters
     ----------
@@ -64,25 +66,26 @@ def hold_still(
         The next picture, BGR.
     device
         For messages.
-    exposure
-        In the camera's units; 0 for what makes pictures as bright as automatic exposure does.
+    config
+        What exposure and focus are wanted.
     tell
         Hears in one line each what does not hold still, and what to do.
     """
     controls = driver.controls()
     knobs = [knob for knob in KNOBS if knob.automatic_id in controls]
+    # A lens differs with its focus: that must not be another one each time.
+    wanted = {FOCUS: config.focus} | ({EXPOSURE: config.exposure} if config.exposure else {})
     if RATE_MAY_DROP_ID in controls:
         _try_set(driver, controls[RATE_MAY_DROP_ID], 0)
     for knob in knobs:
-        if knob is not EXPOSURE or exposure == 0:
+        if knob not in wanted:
             _try_set(driver, controls[knob.automatic_id], knob.automatic)
     for _ in range(SETTLE_PICTURES):
         take()
     bright = _brightness(take())
     remedies = {}
     for knob in knobs:
-        wanted = exposure if knob is EXPOSURE and exposure else None
-        remedies[knob], held = _lock(driver, controls, knob, wanted)
+        remedies[knob], held = _lock(driver, controls, knob, wanted.get(knob))
         if not held:
             tell(f"camera {device}: its {knob.what} stays automatic; run {_command(device, remedies[knob])}")
     if EXPOSURE not in knobs:
@@ -90,7 +93,7 @@ def hold_still(
     if bright < DARK_LEVELS:
         tell(f"camera {device}: its picture is dark; uncover the lens or make light, then start again")
         return
-    if EXPOSURE in knobs and exposure == 0 and EXPOSURE.value_id in controls:
+    if EXPOSURE in knobs and EXPOSURE not in wanted and EXPOSURE.value_id in controls:
         _match(driver, controls[EXPOSURE.value_id], take, bright, device, tell)
     for _ in range(TAKES_EFFECT_PICTURES):
         take()

@@ -221,7 +221,7 @@ def _lock(webcam: Webcam, device: Path, config: WebcamConfig, tell: Tell) -> Non
 
     try:
         with Driver(device) as driver:
-            hold_still(driver, take, device, config.exposure, tell)
+            hold_still(driver, take, device, config, tell)
     except OSError as error:
         tell(
             f"camera {device}: its controls cannot be reached ({error}); lock exposure, white balance and "

@@ -57,10 +57,9 @@ def test_a_good_webcam_is_locked_without_a_word_and_gives_its_own_jpeg(opened):
     fake = FakeWebcam()
     camera, told = opened(fake)
     assert told == []
-    # 32 for the focus is rounded by the driver to its steps.
     assert fake.values == {
         AUTO_EXPOSURE: 1, EXPOSURE: 157, RATE_MAY_DROP: 0, AUTO_WHITE: 0, WHITE: 4600, 0x00980913: 10,
-        AUTO_FOCUS: 0, FOCUS: 30,
+        AUTO_FOCUS: 0, FOCUS: 0,
     }  # fmt: skip
     shot = camera.read()
     assert shot is not None and isinstance(shot.picture, bytes) and shot.picture.startswith(b"\xff\xd8")
@@ -75,6 +74,14 @@ def test_its_pictures_are_as_bright_locked_as_automatic_had_them_though_it_does_
     assert told == []
     assert fake.values[AUTO_EXPOSURE] == 1
     assert fake.light * fake.sensor_exposure / 157 == pytest.approx(1.0, rel=0.5)
+
+
+def test_the_focus_is_held_where_it_was_when_the_lens_was_calibrated(opened):
+    """Also where the driver rounds it to its steps."""
+    fake = FakeWebcam()
+    _, told = opened(fake, focus=33)
+    assert told == []
+    assert (fake.values[AUTO_FOCUS], fake.values[FOCUS]) == (0, 30)
 
 
 def test_an_exposure_that_is_set_is_taken_as_it_is(opened):
@@ -108,7 +115,7 @@ def test_nothing_is_touched_where_locking_is_not_wanted(opened):
         (
             AUTO_FOCUS,
             "its focus stays automatic; run "
-            "'v4l2-ctl -d /dev/video0 -c focus_automatic_continuous=0,focus_absolute=32'",
+            "'v4l2-ctl -d /dev/video0 -c focus_automatic_continuous=0,focus_absolute=0'",
         ),
     ],
 )
