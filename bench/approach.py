@@ -35,6 +35,7 @@ class Options:
     """Approach what is ahead in many worlds and print a table."""
 
     runs: int = 40
+    """Drives in all."""
     jobs: int = os.cpu_count() or 1
     """Drives at a time."""
     first_seed: int = 1

@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from rich.console import Console
@@ -24,23 +24,18 @@ from rich.table import Table
 from bench.figures_file import check_json, write_json
 from bench.options import at_least
 from host.config import Config, read_options
-from host.depth.estimator import Estimator
-from host.depth.report import DepthReport
 from host.errors import run_command
-from host.experiments.truth import FrameTruth, by_object
-from host.link.robot import Robot
 from host.nav.config import BodyConfig
-from host.nav.drive import drive
-from host.nav.map import ObstacleMap
-from host.nav.odometry import WheelReading, body_of
-from host.nav.pilot import Pilot, View
-from host.nav.result import DriveLog
-from host.nav.steer import Command
 from host.pose import Pose, wrap
-from host.sim.body import BodyModel
-from host.sim.render import WebcamModel
-from host.sim.scenes import ROUGH
-from host.sim.session import Simulation
+
+if TYPE_CHECKING:  # so that --help need not wait for all of it
+    from host.depth.report import DepthReport
+    from host.nav.map import ObstacleMap
+    from host.nav.odometry import WheelReading
+    from host.nav.pilot import View
+    from host.nav.result import DriveLog
+    from host.nav.steer import Command
+    from host.sim.session import Simulation
 
 REST_S = 0.4  # stands this long before and after
 HOLD_GAIN = 2.0  # turn rate per heading error, 1/s
@@ -80,6 +75,9 @@ class Straight:
         self._arrived_s: float | None = None
 
     def decide(self, obstacle_map: ObstacleMap, camera: Pose) -> Command:
+        from host.nav.odometry import body_of
+        from host.nav.steer import Command
+
         x, z, heading = body_of(camera, obstacle_map.body.camera_ahead_cm)
         if self._start is None:
             self._start = (camera.t_s, x, z, heading)
@@ -101,6 +99,8 @@ class Beside:
     """Estimators that see what the robot's own sees, with other places; and the truth, for the score."""
 
     def __init__(self, simulation: Simulation, stamp_late_s: float, config: Config) -> None:
+        from host.depth.estimator import Estimator
+
         self._simulation, self._stamp_late_s = simulation, stamp_late_s
         self._cell_cm = config.body.cm_per_count
         lens = simulation.world.lens
@@ -132,6 +132,8 @@ class Beside:
 
     def scores(self) -> list[dict[str, Any]]:
         """Error of every box by every estimator, on the last frame."""
+        from host.experiments.truth import FrameTruth, by_object
+
         assert self.view is not None
         t_s = self.view.frame.t_s - self._stamp_late_s
         truth = FrameTruth(self._simulation.renderer_at(t_s), self._simulation.true_pose(t_s))
@@ -159,6 +161,14 @@ class Beside:
 
 def run(options: Options, seed: int, config: Config) -> dict[str, Any]:
     """One drive."""
+    from host.link.robot import Robot
+    from host.nav.drive import drive
+    from host.nav.pilot import Pilot
+    from host.sim.body import BodyModel
+    from host.sim.render import WebcamModel
+    from host.sim.scenes import ROUGH
+    from host.sim.session import Simulation
+
     webcam = ROUGH if options.rough else WebcamModel()
     simulation = Simulation(
         f"sim:{options.scene}?seed={seed}", body=BodyModel(), webcam=webcam, fps=options.fps

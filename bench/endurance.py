@@ -13,7 +13,7 @@ from __future__ import annotations
 import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rich.console import Console
@@ -23,13 +23,11 @@ from bench.figures_file import check_json, write_json
 from bench.options import at_least
 from host.config import Config, read_options
 from host.errors import run_command
-from host.link.robot import Robot
-from host.nav.drive import drive
-from host.nav.pilot import Pilot, View
-from host.nav.result import DriveLog
-from host.nav.task import Explore, Route, Task
-from host.sim.board import Line
-from host.sim.session import Simulation
+
+if TYPE_CHECKING:  # so that --help need not wait for all of it
+    from host.nav.pilot import View
+    from host.nav.result import DriveLog
+    from host.nav.task import Task
 
 EVERY_S = 60.0
 
@@ -39,7 +37,7 @@ class Options:
     """Drive for long and print how memory and faults grow."""
 
     minutes: float = 60.0  # simulated
-    camera: str = "sim:room?seed=1&rough=1&fps=10"
+    camera: str = "sim:room?seed=1&rough=1&fps=10"  # the world
     json: Path | None = None
     """Also write the figures to this file."""
 
@@ -70,6 +68,8 @@ class Endurance:
     """One simulation, one robot, drive after drive."""
 
     def __init__(self, uri: str, minutes: float):
+        from host.sim.session import Simulation
+
         self.config = Config()
         self.simulation = Simulation(uri)
         self.until_s = 60 * minutes
@@ -83,6 +83,12 @@ class Endurance:
 
     def run(self, console: Console) -> None:
         """Until the time is over."""
+        from host.link.robot import Robot
+        from host.nav.drive import drive
+        from host.nav.pilot import Pilot
+        from host.nav.task import Explore, Route
+        from host.sim.board import Line
+
         simulation, clock = self.simulation, self.simulation.clock
         self._sample(console)
         with Robot(simulation.transport, clock, lambda: Line(simulation.board)) as robot:

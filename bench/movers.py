@@ -31,6 +31,7 @@ class Options:
     """Drive past moving things in many worlds and print a table."""
 
     runs: int = 50
+    """Drives in all."""
     jobs: int = os.cpu_count() or 1
     """Drives at a time."""
     first_seed: int = 1
