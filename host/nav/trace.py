@@ -105,12 +105,14 @@ class Trace:
     def as_dict(self) -> dict[str, Any]:
         """In columns; real times have the names that result.REAL_TIMES lists."""
         columns: dict[str, Any] = {name: [getattr(m, name) for m in self.moments] for name in STATES}
-        stages = dict.fromkeys(stage for m in self.moments if m.took is not None for stage in m.took.stage_ms)
-        columns["frame_time_ms"] = [m.took and round(m.took.frame_ms, 2) for m in self.moments]
-        columns["latency_ms"] = [m.took and round(m.took.latency_ms, 2) for m in self.moments]
+        took = [m.took for m in self.moments]
+        if took:
+            took[-1] = _slower(took[-1], self._slowest)
+        stages = dict.fromkeys(stage for one in took if one is not None for stage in one.stage_ms)
+        columns["frame_time_ms"] = [one and round(one.frame_ms, 2) for one in took]
+        columns["latency_ms"] = [one and round(one.latency_ms, 2) for one in took]
         columns["stage_ms"] = {
-            stage: [m.took and round(m.took.stage_ms.get(stage, 0.0), 2) for m in self.moments]
-            for stage in stages
+            stage: [one and round(one.stage_ms.get(stage, 0.0), 2) for one in took] for stage in stages
         }
         return columns
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 from host.view.plot import Mark, Plot, Series, Underlay
@@ -12,14 +12,14 @@ MOST_REGIONS = 8
 MOST_MARKS = 60
 SHOWN = 0.98  # of the errors; the few beyond would flatten the others
 TRUTH = "truth of the simulator"
-STANDS = 0.0
+GAP_S = 2.0  # without a depth, and the line of a region is broken
 
 
 def stops_of(result: dict[str, Any]) -> list[tuple[float, str]]:
-    """When it came to stand on the way, and why."""
+    """When it came to stand on the way, and why; not the end of the drive."""
     found, moved = [], False
-    for told in result.get("decisions", []):
-        stands = told["v_mm_s"] == told["omega_rad_s"] == STANDS
+    for told in result.get("decisions", [])[:-1]:
+        stands = told["v_mm_s"] == told["omega_rad_s"] == 0.0
         if stands and moved:
             found.append((told["t_s"], told["reason"]))
         moved = not stands
@@ -102,15 +102,13 @@ def depth_plot(result: dict[str, Any]) -> Plot | None:
     regions = sorted((result.get("depths_over_time") or {}).items(), key=lambda one: -len(one[1]["t_s"]))
     series = []
     for k, (region, found) in enumerate(regions[:MOST_REGIONS]):
-        rows = list(zip(found["t_s"], found["depth_cm"], found["sigma_cm"], strict=True))
+        rows = list(_with_gaps(zip(found["t_s"], found["depth_cm"], found["sigma_cm"], strict=True)))
         titles = [
-            f"region {region} at {t:.1f} s: {depth:.1f} cm" + (f" ± {sigma:.1f}" if sigma is not None else "")
+            f"region {region} at {t:.1f} s: {depth:.1f} cm" + (f" ± {sigma:.1f}" if sigma else "")
             for t, depth, sigma in rows
         ]
-        sigmas = [sigma or 0.0 for _, _, sigma in rows]
-        series.append(
-            Series(f"region {region}", [r[0] for r in rows], [r[1] for r in rows], sigmas, titles, colour=k)
-        )
+        columns = [list(column) for column in zip(*rows, strict=True)]
+        series.append(Series(f"region {region}", *columns, titles=titles, colour=k))
         true = [one for one in result.get("depths") or [] if str(one["region"]) == region]
         if true:
             times = [one["t_s"] - result["began_s"] for one in true]
@@ -118,6 +116,16 @@ def depth_plot(result: dict[str, Any]) -> Plot | None:
             depths = [one["true_cm"] for one in true]
             series.append(Series("", times, depths, titles=said, look="rings", colour=k))
     return Plot("Depth", "line", "s", "cm", series) if series else None
+
+
+def _with_gaps(rows: Iterable[tuple[float, float, float | None]]) -> Iterator[tuple[float, float, float]]:
+    """So that no line is drawn over a time in which the region had no depth."""
+    last_s = math.inf
+    for t_s, depth, sigma in rows:
+        if t_s - last_s > GAP_S:
+            yield math.nan, math.nan, 0.0
+        last_s = t_s
+        yield t_s, depth, sigma or 0.0
 
 
 def error_plot(result: dict[str, Any]) -> Plot | None:

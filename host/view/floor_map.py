@@ -37,8 +37,8 @@ def floor_of(obstacle_map: ObstacleMap, body: BodyConfig, log: DriveLog) -> dict
             "png": base64.b64encode(data.tobytes()).decode(),
             "left_cm": round(float(cols.min() * cell - obstacle_map.half_cm), 2),
             "near_cm": round(float(rows.min() * cell - obstacle_map.half_cm), 2),
-            "width_cm": round(picture.shape[1] * cell, 2),
-            "height_cm": round(picture.shape[0] * cell, 2),
+            "width_cm": round(int(np.ptp(cols) + 1) * cell, 2),
+            "height_cm": round(int(np.ptp(rows) + 1) * cell, 2),
         }
     standing = set(obstacle_map.region[taken].tolist())
     floor["things"] = [

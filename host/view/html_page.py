@@ -23,9 +23,11 @@ h1 { font-size: 1.4rem; } h2 { font-size: 1.15rem; margin: 2.2rem 0 0.5rem; }
 .scroll { overflow-x: auto; } table { border-collapse: collapse; font-size: 0.88rem; width: 100%; }
 th, td { padding: 0.3rem 0.6rem; border-bottom: 1px solid var(--grid); text-align: right;
   white-space: nowrap; }
-th:first-child, td:first-child, .words td { text-align: left; white-space: normal; overflow-wrap: anywhere; }
+th:first-child, td:first-child, .words td, .words th { text-align: left; white-space: normal;
+  overflow-wrap: anywhere; }
 th { font-weight: 600; color: var(--muted); vertical-align: top; }
 .plots { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(22rem, 100%), 1fr)); gap: 1rem; }
+.pairs { grid-template-columns: repeat(auto-fit, minmax(min(26rem, 100%), 1fr)); }
 .plots > * { min-width: 0; margin: 0; } .plots img { width: 100%; height: auto; border-radius: 0.2rem; }
 figcaption { font-size: 0.85rem; color: var(--muted); }
 """

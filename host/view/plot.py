@@ -108,7 +108,7 @@ class _Axis:
         self._from_px, self._to_px = from_px, to_px
 
     def _scaled(self, value: float) -> float:
-        return math.log10(value) if self.log else value
+        return math.log10(max(value, 1e-300)) if self.log else value
 
     def fits(self, value: float) -> bool:
         """Whether there is a place for it."""
@@ -167,8 +167,9 @@ class _Chart:
         self.height = HEIGHT
         if plot.kind == "plan":
             self.height = self._plan_height(xs, ys)
-        self.x = _Axis(xs, plot.log_x, LEFT, WIDTH - RIGHT, 0.04 if plot.kind == "plan" else 0.01)
-        self.y = _Axis(ys, plot.log_y, self.height - BOTTOM, TOP, 0.05)
+        even = plot.kind == "plan"
+        self.x = _Axis(xs, plot.log_x and not even, LEFT, WIDTH - RIGHT, 0.04 if even else 0.01)
+        self.y = _Axis(ys, plot.log_y and not even, self.height - BOTTOM, TOP, 0.05)
         if plot.kind == "plan":
             cm_px = max(
                 (self.x.high - self.x.low) / (WIDTH - RIGHT - LEFT),

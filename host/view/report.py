@@ -74,7 +74,9 @@ def figures_table(result: dict[str, Any]) -> str:
     ]
     starred = any(figure.truth and figure.of(result) is not None for figure in FIGURES)
     note = f'<p class="about">* {TRUTH}, which the robot never sees</p>\n' if starred else ""
-    return html_page.table((), rows) + note
+    half = (len(rows) + 1) // 2
+    halves = "".join(html_page.table((), part) for part in (rows[:half], rows[half:]))
+    return f'<div class="plots">{halves}</div>\n{note}'
 
 
 def figure(plot: Plot, caption: str = "") -> str:
@@ -106,7 +108,7 @@ def _pictures(result: dict[str, Any], folder: Path) -> str:
         source = _jpeg(folder / picture["file"])
         if source is None:
             continue
-        words = f"{picture['t_s']:.1f} s: {picture['told']}"
+        words = f"{max(0.0, picture['t_s']):.1f} s: {picture['told']}"
         kept = others if picture["file"].startswith("frame") else stops
         kept.append(
             f'<figure><img alt="{html.escape(picture["file"])}" src="{source}">'
