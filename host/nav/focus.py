@@ -9,6 +9,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from host.nav import _nav
+
 EVERY_ROW = 4
 TILES = (10, 6)  # across and down
 STEP_PX = 2
@@ -90,24 +92,8 @@ class FocusWatch:
 
 def tiles_of(image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(share of pixels at sharp edges, mean brightness), each by tile, float32."""
-    end = image.shape[0] - STEP_PX
-    levels = np.ascontiguousarray(image[:end:EVERY_ROW, :, 1])
-    below = np.ascontiguousarray(image[STEP_PX::EVERY_ROW, :, 1])[: len(levels)]
-    x0, x1 = WIDE_PX, levels.shape[1] - WIDE_PX - STEP_PX
-    inner = levels[1:-1]
-    across = _sharp(
-        cv2.absdiff(inner[:, x0:x1], inner[:, x0 + STEP_PX : x1 + STEP_PX]),
-        cv2.absdiff(inner[:, : x1 - x0], inner[:, 2 * WIDE_PX + STEP_PX :]),
-    )
-    down = _sharp(
-        cv2.absdiff(inner[:, x0:x1], below[1:-1, x0:x1]), cv2.absdiff(levels[:-2, x0:x1], below[2:, x0:x1])
-    )
-    sharp = cv2.max(across, down)
-    edges = cv2.resize(sharp.astype(np.float32), TILES, interpolation=cv2.INTER_AREA)
-    means = cv2.resize(levels.astype(np.float32), TILES, interpolation=cv2.INTER_AREA)
-    return edges, means
-
-
-def _sharp(step: np.ndarray, wide: np.ndarray) -> np.ndarray:
-    """1 where most of the step in brightness over a wide stretch lies within a short one."""
-    return (step >= np.maximum(wide >> 1, STEP_LEVELS)).view(np.uint8)
+    image = np.ascontiguousarray(image)
+    across, down = TILES
+    rows = -(-(image.shape[0] - STEP_PX) // EVERY_ROW)
+    edges = _nav.sharp_tiles(image, EVERY_ROW, STEP_PX, WIDE_PX, STEP_LEVELS, across, down)
+    return edges, _nav.tile_means(image, EVERY_ROW, rows, across, down)

@@ -18,6 +18,7 @@ import cv2
 import numpy as np
 
 from host.camera.lens import Lens
+from host.nav import _nav
 from host.nav.odometry import heading_of
 from host.nav.pilot import View
 from host.pose import Pose, wrap
@@ -42,6 +43,7 @@ STRANGE_PX = 10.0  # ways that differ by more than this from what is expected,
 RECENT = 4  # and by more than any way expected in so many pictures, are no error of the wheels or of times
 SAME_SHARE = 0.7  # of the picture shows the same regions as the last one; less is another place
 SAME_LEVELS = 20.0  # a region's colour changes by less, 0 to 255
+EVERY_ROW = 4  # is looked at
 SMALL = (32, 20)  # parts of the picture that are compared as a whole
 MEAN_LEVEL = 100.0
 OTHER_LEVELS = 10.0  # change of a part in brightness that shows something else
@@ -188,8 +190,8 @@ class WheelWatch:
 
         What only moves by less than a part is as bright as before, or as what was beside it.
         """
-        levels = np.ascontiguousarray(image[::4, :, 1]).astype(np.float32)
-        small = cv2.resize(levels, SMALL, interpolation=cv2.INTER_AREA)
+        rows = -(-image.shape[0] // EVERY_ROW)
+        small = _nav.tile_means(np.ascontiguousarray(image), EVERY_ROW, rows, *SMALL)
         small *= MEAN_LEVEL / max(float(small.mean()), 1.0)
         before, self._small = self._small, small
         if before is None:

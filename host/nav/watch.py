@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 
 from host.camera.frame import Frame
+from host.nav import _nav
 from host.nav.config import NavConfig
 from host.nav.focus import FocusWatch
 
@@ -39,8 +40,7 @@ class FrameWatch:
         now_s : present time on the clock of ``frame.t_s``.
         travelled_cm : path of a wheel so far, turns on the spot included.
         """
-        rows = frame.image[::EVERY_PX]
-        sample = np.ascontiguousarray(rows[:, ::EVERY_PX])
+        sample = _nav.thinned(np.ascontiguousarray(frame.image), EVERY_PX)
         repeated = self._repeated(sample, travelled_cm)
         torn = self._torn(sample, travelled_cm)
         self._last, self._last_cm = sample, travelled_cm
@@ -75,9 +75,8 @@ class FrameWatch:
         return f"picture was seen before, {since_cm:.1f} cm of travel ago: camera repeats itself"
 
     def _torn(self, sample: np.ndarray, travelled_cm: float) -> str | None:
-        green = sample[:, :, 1]
-        spread = cv2.reduce(green, 1, cv2.REDUCE_MAX) - cv2.reduce(green, 1, cv2.REDUCE_MIN)
-        spread = spread.ravel()  # along each row
+        green = np.ascontiguousarray(sample[:, :, 1])
+        spread = green.max(axis=1) - green.min(axis=1)  # along each row
         rows = len(spread)
         empty = rows - 1 - int(np.argmax(spread[::-1] > EMPTY_LEVELS))
         if rows - 1 - empty > TORN_ROWS * rows:

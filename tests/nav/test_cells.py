@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import heapq
+import itertools
 import math
 
+import cv2
 import numpy as np
 import pytest
 
@@ -178,3 +180,37 @@ def test_layers_of_another_kind_are_refused_and_not_silently_copied():
     floor, rules = _nav.Floor(np.ones(32), np.zeros(32, bool), 15.0), _nav.Rules(-0.4, 1.0, 4.0, CELL)
     with pytest.raises(TypeError):
         _nav.paint(layer, layer.astype(np.int32), layer > 0, CENTRES, view, (0, 39, 0, 39), floor, [], rules)
+
+
+def tiled_means(values: np.ndarray, across: int, down: int) -> np.ndarray:
+    rows, columns = (
+        np.arange(n + 1) * size // n for n, size in zip((down, across), values.shape, strict=True)
+    )
+    return np.array([
+        [values[r0:r1, c0:c1].mean() for c0, c1 in itertools.pairwise(columns)]
+        for r0, r1 in itertools.pairwise(rows)
+    ])  # fmt: skip
+
+
+@pytest.mark.parametrize(("height", "width"), [(240, 320), (97, 131), (33, 40)])
+def test_brightness_and_sharp_edges_are_counted_tile_by_tile(height: int, width: int):
+    rng = np.random.default_rng(height)
+    image = cv2.GaussianBlur(rng.integers(0, 256, (height, width, 3), np.uint8), (0, 0), 1.2) * 3
+    assert (_nav.thinned(image, 4) == image[::4, ::4]).all()
+    rows = image[::4, :, 1].astype(int)
+    assert np.allclose(_nav.tile_means(image, 4, len(rows), 7, 5), tiled_means(rows, 7, 5), rtol=1e-6)
+
+    levels = image[: height - 2 : 4, :, 1].astype(int)
+    below = image[2::4, :, 1].astype(int)[: len(levels)]
+    x = np.arange(4, width - 6)
+    step, wide = abs(levels[:, x] - levels[:, x + 2]), abs(levels[:, x - 4] - levels[:, x + 6])
+    down, far = abs(levels - below)[1:-1, x], abs(levels[:-2] - below[2:])[:, x]
+    sharp = (step >= np.maximum(wide // 2, 20))[1:-1] | (down >= np.maximum(far // 2, 20))
+    assert 0.01 < sharp.mean() < 0.99
+    assert np.allclose(_nav.sharp_tiles(image, 4, 2, 4, 20, 7, 5), tiled_means(sharp, 7, 5), rtol=1e-6)
+
+
+@pytest.mark.parametrize("rows", [0, 61])
+def test_more_rows_than_there_are_are_refused(rows: int):
+    with pytest.raises(ValueError, match="rows of the picture"):
+        _nav.tile_means(np.zeros((240, 320, 3), np.uint8), 4, rows, 1, 1)

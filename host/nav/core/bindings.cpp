@@ -15,6 +15,7 @@
 #include "grid.hpp"
 #include "search.hpp"
 #include "seam.hpp"
+#include "tiles.hpp"
 
 namespace nb = nanobind;
 using namespace nb::literals;
@@ -27,6 +28,7 @@ template <class T>
 using Layer = nb::ndarray<T, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 template <class T>
 using Row = nb::ndarray<const T, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
+using Colours = nb::ndarray<const std::uint8_t, nb::shape<-1, -1, 3>, nb::c_contig, nb::device::cpu>;
 
 template <class T, class From>
 nb::object to_array(const std::vector<From>& values, std::initializer_list<std::size_t> shape) {
@@ -150,6 +152,30 @@ float least_along(const Image<float>& distances, double half_cm, double cell_cm,
                             end[1], from_cm);
 }
 
+nav::Pixels pixels_of(const Colours& image) { return {image.data(), image.shape(0), image.shape(1)}; }
+
+nb::object thinned(const Colours& image, std::size_t step) {
+    require(step > 0, "a step");
+    return to_array<std::uint8_t>(nav::thinned(pixels_of(image), step),
+                                  {(image.shape(0) + step - 1) / step, (image.shape(1) + step - 1) / step, 3});
+}
+
+nb::object tile_means(const Colours& image, std::size_t every, std::size_t rows, std::size_t across,
+                      std::size_t down) {
+    require(every > 0 && rows > 0 && every * (rows - 1) < image.shape(0), "rows of the picture");
+    require(across > 0 && down > 0 && across <= image.shape(1) && down <= rows, "tiles of a pixel at least");
+    return to_array<float>(nav::tile_means(pixels_of(image), every, rows, {across, down}), {down, across});
+}
+
+nb::object sharp_tiles(const Colours& image, std::size_t every, std::size_t step_px, std::size_t wide_px,
+                       std::uint8_t levels, std::size_t across, std::size_t down) {
+    const std::size_t height = image.shape(0), width = image.shape(1);
+    require(every > 0 && step_px > 0 && height > step_px + every * (down + 1), "a picture high enough");
+    require(across > 0 && down > 0 && width >= 2 * wide_px + step_px + across, "a picture wide enough");
+    return to_array<float>(nav::sharp_tiles(pixels_of(image), every, {step_px, wide_px, levels}, {across, down}),
+                           {down, across});
+}
+
 }  // namespace
 
 NB_MODULE(_nav, m) {
@@ -172,5 +198,9 @@ NB_MODULE(_nav, m) {
     m.def("meet", &meet, "evidence"_a, "centres_cm"_a, "window"_a, "x_cm"_a, "z_cm"_a, "heading"_a, "radius_cm"_a,
           "wide_cm"_a, "filled"_a, "free"_a, "half_cell_cm"_a, "reach_cm"_a);
     m.def("least_along", &least_along, "distances"_a, "half_cm"_a, "cell_cm"_a, "start"_a, "end"_a, "from_cm"_a);
+    m.def("thinned", &thinned, "image"_a.noconvert(), "step"_a);
+    m.def("tile_means", &tile_means, "image"_a.noconvert(), "every"_a, "rows"_a, "across"_a, "down"_a);
+    m.def("sharp_tiles", &sharp_tiles, "image"_a.noconvert(), "every"_a, "step_px"_a, "wide_px"_a, "levels"_a,
+          "across"_a, "down"_a);
     m.def("search", &search, "shut"_a, "cost"_a, "ahead"_a, "there"_a, "row"_a, "col"_a);
 }
