@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from itertools import pairwise
 
 from host.depth.report import DepthReport, RegionDepth, VertexDepths
 from host.link.protocol import Counters
@@ -30,7 +31,7 @@ def test_an_hour_takes_no_more_room_than_a_minute_and_is_spread_evenly():
     trace = long_trace(7_777)
     times = [moment.t_s for moment in trace.moments]
     assert MOST_MOMENTS / 3 < len(times) <= MOST_MOMENTS
-    steps = [b - a for a, b in zip(times, times[1:], strict=False)]
+    steps = [b - a for a, b in pairwise(times)]
     assert times[0] == 0.0 and times[-1] > 3500 and max(steps) < 2.5 * min(steps)
     depths = trace.depths_as_dict()
     assert set(depths) == {str(k) for k in range(30)}  # and not the one that has no depth

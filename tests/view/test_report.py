@@ -105,7 +105,7 @@ def test_a_drive_that_saw_nothing_has_a_report_too(tmp_path):
     result = {
         k: v for k, v in a_result().items() if k not in ("trace", "depths", "floor", "pictures", "true_path")
     }
-    empty = copy.deepcopy(result) | {"decisions": [], "depths_over_time": {}, "outcome": "stopped"}
+    empty = result | {"decisions": [], "depths_over_time": {}, "outcome": "stopped"}
     text = report(empty, tmp_path).decode()
     assert 'class="verdict faulty"' in text and "None on the way." in text
 
