@@ -131,8 +131,7 @@ class LiveCamera:
             return "was closed; open it again"
         if self._gone is not None:
             return self._gone
-        since_s = time.monotonic() - self._good_s
-        return None if self._spoilt is None or since_s < SPOILT_S else f"for {since_s:.1f} s {self._spoilt}"
+        return self._spoilt if time.monotonic() - self._good_s >= SPOILT_S else None
 
     # --- Its thread ----------------------------------------------------------------------------
 

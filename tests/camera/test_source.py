@@ -9,11 +9,13 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from mjpeg_server import serving
 
 from host.camera.lens import Lens
 from host.camera.live import LiveCamera, Shot
 from host.camera.source import open_camera
 from host.errors import DeviceError, InputError, UsageError
+from host.nav.rig import open_rig
 
 
 class ScriptedCapture:
@@ -100,11 +102,13 @@ def test_a_video_gives_all_frames_with_its_own_times(tmp_path: Path):
         ("/dev/null", DeviceError, "/dev/null.*does not open"),
         ("{tmp}", InputError, "no images"),
         ("{tmp}/a.mp4", InputError, r"a\.mp4.*video"),
+        ("{tmp}/a.mcap", InputError, r"a\.mcap: is no MCAP file"),
+        ("{tmp}/b.mcap", InputError, r"b\.mcap: no such file"),
     ],
 )
 def test_what_cannot_be_opened_is_named_with_a_remedy(uri, kind, words, tmp_path: Path, capfd):
-    if uri.endswith("a.mp4"):
-        (tmp_path / "a.mp4").write_bytes(b"no video" * 100)
+    if uri.endswith(("a.mp4", "a.mcap")):
+        (tmp_path / uri[-6:].strip("}/")).write_bytes(b"no video" * 100)
     with pytest.raises(kind, match=words) as error:
         open_camera(uri.format(tmp=tmp_path))
     assert "; " in str(error.value)
@@ -158,3 +162,30 @@ def test_closing_releases_the_device(capture: ScriptedCapture):
     capture.due.release()
     camera.close()
     assert capture.released
+
+
+@pytest.mark.parametrize("robot", ["sim:", "auto", "/dev/ttyACM0"])
+def test_pictures_of_another_time_drive_nothing_and_where_they_are_measured_is_told(
+    sequence_folder: Path, robot
+):
+    with pytest.raises(UsageError) as told, open_rig(str(sequence_folder), robot, None):
+        pass
+    assert "its pictures are not of now, and nothing can be driven by them" in str(told.value)
+    assert f"'python -m host.measure {sequence_folder}' measures in them" in str(told.value)
+
+
+def test_a_real_camera_does_not_go_with_a_simulated_robot_and_how_to_find_a_real_one_is_told():
+    with (
+        pytest.raises(UsageError, match="simulate both or neither; --robot auto finds a real one"),
+        open_rig("/dev/video0", "sim:", None),
+    ):
+        pass
+
+
+def test_a_live_camera_without_a_lens_drives_nothing(monkeypatch: pytest.MonkeyPatch):
+    with (
+        serving() as server,
+        pytest.raises(UsageError, match=r"its lens is not known; name its camera\.json with --lens"),
+        open_rig(server.url, "/dev/ttyACM0", None),
+    ):
+        pass

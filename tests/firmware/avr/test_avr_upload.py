@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 from upload_bench import UploadBench
 
-from host.errors import DeviceError
+from host.errors import DeviceError, UsageError
+from host.link.ports import SerialDevice
 from host.sim.avr.board import AvrBoard, read_hex
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -81,3 +82,15 @@ def test_a_port_that_is_not_there_or_not_ours_is_told_before_anything_is_built(t
     wrong = flash("/dev/null", "--board", "mega")
     assert (wrong.returncode, wrong.stdout) == (2, "")
     assert "uno or nano" in wrong.stderr
+
+
+@pytest.mark.parametrize("count", [0, 1, 2])
+def test_without_a_name_the_only_usb_port_is_taken_and_of_several_none(count: int, monkeypatch):
+    plugged = [SerialDevice(f"/dev/ttyUSB{k}", "CH340", (0x1A86, 0x7523)) for k in range(count)]
+    monkeypatch.setattr(flash_firmware, "list_devices", lambda: [*plugged, SerialDevice("/dev/ttyS0")])
+    if count == 1:
+        assert flash_firmware.only_port() == "/dev/ttyUSB0"
+        return
+    with pytest.raises(UsageError, match=r"on which port is the robot .*PORT=") as told:
+        flash_firmware.only_port()
+    assert all(str(device) in str(told.value) for device in plugged)
