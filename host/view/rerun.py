@@ -17,6 +17,7 @@ from host.errors import InputError, UsageError, begin_command, run_command
 if __name__ == "__main__":
     begin_command()
 
+import itertools
 import sys
 from collections import defaultdict
 from dataclasses import dataclass, field
@@ -40,13 +41,9 @@ if TYPE_CHECKING:  # so that --help need not wait for OpenCV and Rerun
 MAP_EVERY = 3  # pictures; the map changes slowly
 MOST_SERIES = 12  # regions whose depth is drawn over time: those seen most often
 LEVELS = {20: "INFO", 30: "WARN", 40: "ERROR"}
-FREE, FILLED, WAY, ROBOT, GOAL = (
-    (70, 110, 90),
-    (230, 120, 60),
-    (250, 210, 80),
-    (90, 170, 255),
-    (120, 230, 120),
-)
+FREE, FILLED, WAY = (70, 110, 90), (230, 120, 60), (250, 210, 80)
+ROBOT, GOAL = (90, 170, 255), (120, 230, 120)
+COLOURS = ((250, 210, 80), (90, 170, 255), (240, 130, 170), (120, 220, 140), (200, 160, 250))  # of plots
 
 
 @dataclass(frozen=True)
@@ -103,6 +100,7 @@ def write_rerun(recording: Recording, out: Path) -> Tally:
     rr = import_rerun()
     draft = out.with_name(f".{out.name}.part")
     stream = rr.RecordingStream("rbdn-robot", recording_id=recording.begin.get("started"))
+    stream.set_log_time_enabled(False)  # when this was made is nothing to look at
     tally = Tally()
     try:
         stream.save(draft, default_blueprint=_blueprint())
@@ -217,7 +215,9 @@ class _Scene:
         x, z, heading = body_of(view.pose, self._ahead_cm)
         nose = x + self._radius_cm * math.sin(heading), z + self._radius_cm * math.cos(heading)
         self._path.append((x, -z))
-        stream.log("/map/robot", rr.Points2D([(x, -z)], radii=self._radius_cm, colors=(*ROBOT, 130)))
+        stream.log(
+            "/map/robot", rr.Points2D([(x, -z)], radii=self._radius_cm, colors=(*ROBOT, 130), draw_order=10.0)
+        )
         stream.log("/map/heading", rr.LineStrips2D([[(x, -z), (nose[0], -nose[1])]], colors=ROBOT, radii=1.0))
         stream.log("/map/path", rr.LineStrips2D([self._path], colors=ROBOT, radii=0.7))
         way = [(a, -b) for a, b in view.command.way]
@@ -233,7 +233,7 @@ class _Scene:
             ("filled", obstacle_map.occupied, FILLED),
         ):
             points = _from_above(obstacle_map.points_where(cells))
-            stream.log(f"/map/{name}", rr.Points2D(points, radii=half_cell, colors=colour))
+            stream.log(f"/map/{name}", rr.Points2D(points, radii=half_cell, colors=colour, draw_order=0.0))
         things = obstacle_map.standing()
         ends = [_from_above_pair(thing.left_cm, thing.right_cm) for thing in things]
         labels = [f"{thing.region}: {thing.depth_cm:.0f} cm" for thing in things]
@@ -242,6 +242,8 @@ class _Scene:
 
     def finish(self) -> None:
         """Plots, events and the goal."""
+        from host.view.palette import region_colour
+
         rr, stream = self._rr, self._stream
         goals = self._recording.begin["task"].get("goals_cm", [])
         if goals:
@@ -251,9 +253,10 @@ class _Scene:
             stream.log("/map/goals", points, static=True)
         often = sorted(self._depths, key=lambda region: -len(self._depths[region].values))[:MOST_SERIES]
         for region in sorted(often):
-            self._plot(f"/depth/region_{region}", self._depths[region], f"region {region}")
-        for name, series in self._driven().items():
-            self._plot(name, series, name.rsplit("/", 1)[-1].replace("_", " "))
+            colour = region_colour(region)[::-1]
+            self._plot(f"/depth/region_{region}", self._depths[region], f"region {region}", colour)
+        for (name, series), colour in zip(self._driven().items(), itertools.cycle(COLOURS)):
+            self._plot(name, series, name.rsplit("/", 1)[-1].replace("_", " "), colour)
         self._events()
 
     def _driven(self) -> dict[str, _Series]:
@@ -282,9 +285,9 @@ class _Scene:
                         note(f"/speed/{side}_wheel", speed_mm_s / 10)
         return out
 
-    def _plot(self, entity: str, series: _Series, name: str) -> None:
+    def _plot(self, entity: str, series: _Series, name: str, colour: tuple[int, ...]) -> None:
         rr, stream = self._rr, self._stream
-        stream.log(entity, rr.SeriesLines(names=name), static=True)
+        stream.log(entity, rr.SeriesLines(names=name, colors=colour), static=True)
         times = [rr.TimeColumn("time", duration=series.times_s)]
         stream.send_columns(entity, times, rr.Scalars.columns(scalars=series.values))
 
