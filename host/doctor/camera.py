@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from host.camera.frame import Frame, FrameSource
-from host.doctor.finding import Finding, Part
+from host.doctor.finding import Finding, Part, split_error
 from host.errors import RobotError
 from host.link.clock import Clock
 from host.nav.focus import CLEAR_SHARE, LEAST_TILES, tiles_of
@@ -26,7 +26,7 @@ STEADY = 0.04  # relative change of brightness that a fixed exposure keeps to un
 EVERY_PX = 4
 REPEATED_SHARE = 0.2
 PART = Part("camera")
-LOCK = "lock the exposure: 'v4l2-ctl -d /dev/video0 -c auto_exposure=1'; 'v4l2-ctl -L' lists what yours has"
+LOCK = "keep webcam.lock = true in robot.toml; 'v4l2-ctl -L' lists what the camera can hold still"
 
 
 @dataclass(frozen=True)
@@ -55,6 +55,14 @@ def take_pictures(
     except RobotError as error:
         return taken, error
     return taken, None
+
+
+def check_driver(told: Sequence[str]) -> Iterator[Finding]:
+    """What was said while the camera was opened and read: of size, rate, times, exposure and the like."""
+    for one in dict.fromkeys(told):
+        yield PART.warn("settings", *split_error(one))
+    if not told:
+        yield PART.ok("settings", "as asked for")
 
 
 def check_pictures(taken: Sequence[Taken], ended: RobotError | None, live: bool) -> Iterator[Finding]:

@@ -74,8 +74,8 @@ class Part:
         return self.fail(name, *split_error(error))
 
 
-def split_error(error: RobotError) -> tuple[str, str]:
-    """What is wrong, and the remedy, which our errors put last."""
+def split_error(error: RobotError | str) -> tuple[str, str]:
+    """What is wrong, and the remedy, which our messages put last."""
     text = str(error)
     parted = re.match("(.*); (.*)", text) or re.match("(.*)(?<!sim)(?<!avr): (.*)", text)  # these are URIs
     return (parted[1], parted[2]) if parted else (text, "see docs/hardware.md")

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import sys
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,6 +16,7 @@ from host.doctor.person import AtTerminal, Person, says_yes
 from host.errors import RobotError, UsageError
 
 if TYPE_CHECKING:  # so that --help need not wait for OpenCV
+    from host.camera.config import WebcamConfig
     from host.camera.frame import FrameSource
     from host.camera.lens import Lens
     from host.doctor.camera import Taken
@@ -65,16 +66,16 @@ def visit(options: DoctorOptions, config: Config, person: Person | None = None) 
     person = person or AtTerminal()
     findings = _all_of("installation", check_installation(RUNS))
     known = Known()
-    findings += _all_of("camera", look_at_camera(options, known))
+    findings += _all_of("camera", look_at_camera(options, config, known))
     findings += _all_of("robot", look_at_robot(options, person, known))
     findings += _all_of("calibration", look_at_calibration(options, config, known))
     findings += _all_of("timing", look_at_timing(config, known))
     return findings
 
 
-def look_at_camera(options: DoctorOptions, known: Known) -> Iterator[Finding]:
+def look_at_camera(options: DoctorOptions, config: Config, known: Known) -> Iterator[Finding]:
     """Open it and watch it for two seconds."""
-    from host.doctor.camera import check_pictures, rate_hz, take_pictures
+    from host.doctor.camera import check_driver, check_pictures, rate_hz, take_pictures
 
     part, uri = Part("camera"), options.camera
     if uri is None and WEBCAM.exists():
@@ -82,16 +83,30 @@ def look_at_camera(options: DoctorOptions, known: Known) -> Iterator[Finding]:
     if uri is None:
         yield part.untried("all", "no camera here; name one with --camera")
         return
+    said: list[str] = []
+    webcam = _of_lens_size(config.webcam, options.lens)
     try:
-        with _open_camera(uri) as (camera, clock, live):
+        with _open_camera(uri, webcam, said.append) as (camera, clock, live):
             taken, ended = take_pictures(camera, clock)
             known.taken, known.hz = taken, rate_hz(taken) if live else NOMINAL_FPS
             known.lens = camera.lens
     except RobotError as error:
-        yield part.error(f"open {uri}", error)
+        yield part.error("open", error)
         return
     yield part.ok("open", uri)
+    yield from check_driver(said)
     yield from check_pictures(taken, ended, live)
+
+
+def _of_lens_size(webcam: WebcamConfig, lens_file: Path | None) -> WebcamConfig:
+    """Asked for the size that the lens was calibrated at; whether it is had is seen with the calibration."""
+    from host.camera.lens_file import read_lens
+
+    try:
+        lens = None if lens_file is None else read_lens(lens_file)
+    except RobotError:  # which is told with the calibration
+        lens = None
+    return webcam if lens is None else replace(webcam, width=lens.width, height=lens.height)
 
 
 def look_at_robot(options: DoctorOptions, person: Person, known: Known) -> Iterator[Finding]:
@@ -226,20 +241,22 @@ def _link_timing(robot: Robot, heard: Heard) -> list[Finding]:
 
 
 @contextlib.contextmanager
-def _open_camera(uri: str) -> Iterator[tuple[FrameSource, Clock, bool]]:
+def _open_camera(
+    uri: str, webcam: WebcamConfig, tell: Callable[[str], None]
+) -> Iterator[tuple[FrameSource, Clock, bool]]:
     """(camera, its clock, whether its pictures come by themselves); closed at the end."""
-    from host.camera.source import LiveCamera, open_camera
-    from host.link.clock import SystemClock
-
     if uri.startswith("sim:"):
         from host.sim.session import Simulation
 
         simulation = Simulation(uri)
         yield simulation.camera, simulation.clock, True
         return
-    camera = open_camera(uri)
+    from host.camera.source import is_live, open_camera
+    from host.link.clock import SystemClock
+
+    camera = open_camera(uri, config=webcam, tell=tell)
     try:
-        yield camera, SystemClock(), isinstance(camera, LiveCamera)
+        yield camera, SystemClock(), is_live(uri)
     finally:
         camera.close()
 

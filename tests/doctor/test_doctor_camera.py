@@ -154,6 +154,15 @@ def test_times_that_cannot_be_true_are_told(times_s, outcome, told):
     assert found.outcome == outcome and told in found.told and (outcome == "ok" or found.fix)
 
 
+def test_what_was_said_while_the_camera_was_opened_is_told_with_its_remedy():
+    said = "camera 0: gives 640x480 px, not 1280x720; it offers MJPG 640x480: set webcam.width"
+    (found,) = checks.check_driver([said, said])
+    assert found.outcome == Outcome.WARN
+    assert found.told == "camera 0: gives 640x480 px, not 1280x720" and "set webcam.width" in found.fix
+    (found,) = checks.check_driver([])
+    assert found.outcome == Outcome.OK
+
+
 def test_pictures_from_files_are_not_asked_for_their_times(frames):
     same = [replace(frames[0], t_s=k / 15, seq=k) for k in range(8)]
     found = findings(same, live=False)

@@ -6,11 +6,15 @@ import json
 import sys
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 
+from host.camera.lens import Lens
+from host.camera.lens_file import write_lens
 from host.config import Config
 from host.doctor.__main__ import main
-from host.doctor.finding import EXIT_CODES, Finding, Outcome
+from host.doctor.finding import EXIT_CODES, Finding, Outcome, exit_code
 from host.doctor.show import show
 from host.doctor.visit import DoctorOptions, visit
 from host.errors import UsageError
@@ -94,6 +98,19 @@ def test_what_cannot_be_opened_is_a_finding_and_no_end(tmp_path, monkeypatch, op
     assert "\n" not in failed[0].told + failed[0].fix
     assert by_part(findings)["wheels"][0].outcome == Outcome.UNTRIED
     assert by_part(findings)["timing"]
+
+
+def test_a_lens_for_another_size_than_the_pictures_is_told(tmp_path):
+    (tmp_path / "pictures").mkdir()
+    chance = np.random.default_rng(1)
+    for k in range(6):
+        cv2.imwrite(str(tmp_path / f"pictures/{k}.png"), chance.integers(0, 255, (48, 64, 3), np.uint8))
+    write_lens(tmp_path / "camera.json", Lens(640, 480, 600.0, 600.0, 320.0, 240.0))
+    options = DoctorOptions(camera="pictures", lens=tmp_path / "camera.json")
+    findings = visit(options, Config(), Nobody())
+    (failed,) = [f for f in findings if f.outcome == Outcome.FAIL and f.name != "native modules"]
+    assert failed.part == "calibration" and exit_code([failed]) == 3
+    assert "640x480 px, the camera delivers 64x48" in failed.told and "calibrate" in failed.fix
 
 
 @pytest.mark.parametrize(
