@@ -12,23 +12,15 @@ from host.camera.frame import Frame
 from host.link.robot import Robot
 from host.nav.config import BodyConfig
 from host.nav.map import FREE, OCCUPIED
+from host.nav.tracks import Mover
 from host.view.page.packing import EVIDENCE_STEPS, WIDEST_PX, jpeg_of, packed
 from host.view.page.shot import Job, Shot
 from tests.view.watching import Seen, parted, seen
 
 
 def shot_of(it: Seen) -> Shot:
-    return Shot(
-        7,
-        10.0,
-        10.025,
-        it.view.frame,
-        it.view,
-        it.log,
-        it.map.evidence,
-        it.map.half_cm,
-        it.map.config.cell_cm,
-    )
+    frame, grid = it.view.frame, it.map
+    return Shot(7, 10.0, 10.025, frame, it.view, it.log, grid.evidence, (), grid.half_cm, grid.config.cell_cm)
 
 
 def job_of(it: Seen) -> Job:
@@ -96,6 +88,14 @@ def test_a_turn_to_the_right_wants_the_left_wheel_to_be_the_quicker():
     command = replace(it.view.command, v_mm_s=100.0, omega_rad_s=1.0)
     shot = replace(shot_of(it), view=replace(it.view, command=command))
     assert parted(packed(shot, job_of(it)))[0]["wheels"]["wanted"] == [17.5, 2.5]
+
+
+def test_what_moves_is_shown_where_it_is_by_now_and_where_to():
+    it = seen()
+    t_s = it.view.pose.t_s
+    mover = Mover(5, t_s - 1.0, (10.0, 100.0), (1.0, 0.0), at_cm=20.0, speed_cm_s=-8.0, half_cm=6.0)
+    content = parted(packed(replace(shot_of(it), movers=(mover,)), job_of(it)))[0]
+    assert content["map"]["movers"] == [[22.0, 100.0, -8.0, 0.0, 6.0]]
 
 
 def test_a_frame_that_was_not_driven_on_is_shown_without_a_net():

@@ -13,7 +13,7 @@ from urllib.parse import urlsplit
 import aiohttp
 import pytest
 
-from host.errors import UsageError
+from host.errors import DeviceError, UsageError
 from host.nav.config import BodyConfig
 from host.view.page import server
 from host.view.page.server import IN_FLIGHT, STOPPED, LivePage
@@ -261,3 +261,14 @@ def test_a_server_that_fails_does_not_end_the_drive(monkeypatch, capsys):
         seen().show(page)
         page.end("goal", "there")
     assert capsys.readouterr().err == "live page ended: OSError: no more files\n"
+
+
+def test_what_breaks_a_drive_is_told_to_those_who_look_on():
+    async def look(session: aiohttp.ClientSession, page: LivePage) -> str:
+        async with session.ws_connect(page.url + "live", headers=origin_of(page)) as line:
+            await line.receive()
+            await asyncio.to_thread(page.__exit__, DeviceError, DeviceError("the camera is gone"), None)
+            return json.loads(await line.receive_str())["reason"]
+
+    page = LivePage(port=0)
+    assert talk(lambda session: look(session, page)) == "the camera is gone"

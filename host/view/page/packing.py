@@ -14,6 +14,7 @@ from host.camera.frame import Frame
 from host.nav.map import OCCUPIED
 from host.nav.odometry import body_of
 from host.nav.pilot import View
+from host.nav.tracks import Mover
 from host.rbdn.snapshot import Region
 from host.view.page.shot import Job, Shot
 
@@ -103,8 +104,17 @@ def _way(shot: Shot, job: Job) -> dict[str, Any]:
         "here": None if here is None else [round(v, 4) for v in here],
         "way": [] if shot.view is None else [round(v, 1) for point in shot.view.command.way for v in point],
         "goals": [list(goal) for goal in job.goals_cm],
+        "movers": [] if pose is None else [_mover(mover, pose.t_s) for mover in shot.movers],
         "radius_cm": job.body.radius_cm,
     }
+
+
+def _mover(mover: Mover, t_s: float) -> list[float]:
+    """x, z, their change in a second, and half its width, cm."""
+    (x, z), (ahead_x, ahead_z), at_cm = mover.origin_cm, mover.ahead, mover.place(t_s)
+    speed = mover.speed_cm_s
+    place = x + at_cm * ahead_x, z + at_cm * ahead_z, speed * ahead_x, speed * ahead_z, mover.half_cm
+    return [round(v, 1) for v in place]
 
 
 def _state(shot: Shot, job: Job) -> dict[str, Any]:

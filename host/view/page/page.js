@@ -4,7 +4,7 @@
 const $ = (id) => document.getElementById(id);
 const query = location.search;
 const STALE_MS = 700, RETRY_MS = 1000, PLOT_S = 10, WORDS_MS = 150;
-const NEAR_CM = 20, FAR_CM = 320;
+const NEAR_CM = 30, FAR_CM = 300;
 const DOUBT = 0.2; // of a depth: what is less sure than this is drawn faintly
 const RAMP = ["#ff5544", "#ff9b2f", "#f2d23c", "#78d46c", "#35c4c8", "#4b93f0", "#8f7bea"]; // near to far
 const STAGE_COLOURS = ["#8f7bea", "#4b93f0", "#35b3b8", "#5bb456", "#d9b52c", "#ef8b2c", "#e2564a", "#999"];
@@ -91,7 +91,6 @@ async function drawQueue() {
     note(shot);
     drawCamera(shot);
     drawMap(shot.map, cells);
-    drawWheels();
     sayState(shot);
     live.shots += 1;
     drawnAt.push(performance.now());
@@ -290,6 +289,7 @@ function drawMap(map, cells) {
   line(pairs(map.path), colours.path, [], 2.5);
   line(pairs(map.way), colours.way, [2, 7], 3);
   map.goals.forEach((goal, k) => drawGoal(paint, px(goal), map.goals.length > 1 ? `${k + 1}` : ""));
+  for (const mover of map.movers) drawMover(paint, px(mover), mover, at.scale);
   if (map.here) drawRobot(paint, px(map.here), map.here[2], map.radius_cm * at.scale);
 }
 
@@ -363,6 +363,23 @@ function drawGoal(paint, [x, y], name) {
   if (name) paint.fillText(name, x + 13, y + 4);
 }
 
+function drawMover(paint, [x, y], [, , vx, vz, half], scale) {
+  paint.strokeStyle = paint.fillStyle = colours.bad;
+  paint.lineWidth = 2.5;
+  paint.beginPath();
+  paint.arc(x, y, Math.max(half * scale, 5), 0, 7);
+  paint.stroke();
+  const tip = [x + vx * scale, y - vz * scale], heading = Math.atan2(-vz, vx);
+  paint.beginPath();
+  paint.moveTo(x, y);
+  paint.lineTo(...tip);
+  for (const side of [-2.6, 2.6]) {
+    paint.moveTo(...tip);
+    paint.lineTo(tip[0] + 7 * Math.cos(heading + side), tip[1] + 7 * Math.sin(heading + side));
+  }
+  paint.stroke();
+}
+
 function drawRobot(paint, [x, y], heading, radius) {
   const r = Math.max(radius, 7);
   paint.save();
@@ -431,18 +448,22 @@ function drawWheels() {
 // ---- Words ----
 
 function tell(element, kind) { if (element.dataset.kind !== kind) element.dataset.kind = kind; }
-function chip(words, kind) { $("state").textContent = words; tell($("state"), kind); }
+function chip(words, kind) {
+  if ($("state").textContent !== words) $("state").textContent = words;
+  tell($("state"), kind);
+}
 
 function sayState(content) {
   if (phase === "drive") {
     const stands = /^stop/.test(content.reason);
-    $("reason").textContent = content.reason;
+    if ($("reason").textContent !== content.reason) $("reason").textContent = content.reason;
     tell($("reason"), content.refused ? "bad" : stands ? "warn" : "good");
     chip(content.fault || content.state, content.fault ? "bad" : /ing$/.test(content.state) ? "good" : "");
   }
   const now = performance.now();
   if (now - wordsAt < WORDS_MS) return; // numbers that change more often cannot be read
   wordsAt = now;
+  drawWheels();
   const link = content.link, real = content.wheels.real;
   $("task").textContent = content.task;
   document.title = `${content.t_s.toFixed(0)} s ${content.task}`;
@@ -504,7 +525,7 @@ function sayReasons(reasons) {
 
 function readColours() {
   const style = getComputedStyle(document.documentElement);
-  const names = ["unknown", "free", "filled", "grid", "path", "way", "goal", "robot", "left", "right", "muted", "line", "card"];
+  const names = ["unknown", "free", "filled", "grid", "path", "way", "goal", "robot", "left", "right", "muted", "line", "card", "bad"];
   colours = Object.fromEntries(names.map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
   const rgb = (hex) => [1, 3, 5].map((i) => parseInt(hex.slice(i, i + 2), 16));
   colours.freeRgb = rgb(colours.free);

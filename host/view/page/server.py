@@ -128,6 +128,7 @@ class LivePage:
             view,
             log,
             obstacle_map.evidence.copy(),
+            tuple(obstacle_map.movers),
             obstacle_map.half_cm,
             obstacle_map.config.cell_cm,
         )
@@ -149,6 +150,8 @@ class LivePage:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        if error is not None:
+            self.end("stopped", str(error) or "interrupted")
         self.close()
 
     def _call(self, act: Callable[..., object], *arguments: object) -> None:

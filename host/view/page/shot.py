@@ -13,6 +13,7 @@ if TYPE_CHECKING:  # the page is there before any of these is loaded
     from host.nav.config import BodyConfig
     from host.nav.pilot import View
     from host.nav.result import DriveLog
+    from host.nav.tracks import Mover
 
 
 @dataclass(frozen=True)
@@ -36,5 +37,6 @@ class Shot:
     view: View | None  # None where the picture was not driven on
     log: DriveLog
     evidence: np.ndarray  # (N, N) log-odds, a copy
+    movers: tuple[Mover, ...]
     half_cm: float
     cell_cm: float
