@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import functools
 from dataclasses import dataclass, field
 
 import cv2
@@ -23,6 +24,11 @@ NAMES = {
 }  # fmt: skip
 MODES = {b"YUYV": {(160, 120): (30, 15)}, b"MJPG": {(160, 120): (30, 15), (320, 180): (60, 30)}}
 STEPS = {FOCUS: 5}  # others go by 1
+
+
+@functools.cache
+def scene_of(width: int, height: int) -> np.ndarray:
+    return image(1, width, height).astype(np.float32)
 
 
 def fourcc(code: str) -> int:
@@ -110,8 +116,9 @@ class FakeWebcam:
         if self.light < 0.01:
             bright = 0.0
         red = 1 + self.reddens * (self.count % 12)
-        noise = np.random.default_rng(self.count).normal(0, 1, (height, width, 3))
-        picture = np.clip(image(1, width, height) * bright * (1, 1, red) + noise, 0, 255).astype(np.uint8)
+        scene = scene_of(width, height) * (bright * np.array([1, 1, red], np.float32))
+        picture = np.clip(scene, 0, 255).astype(np.uint8)
+        picture[0, :, 0] = (np.arange(width) * (7 + self.count)).astype(np.uint8)  # no two are the same
         is_jpeg = self.properties[cv2.CAP_PROP_FOURCC] == fourcc("MJPG")
         if is_jpeg and not self.properties[cv2.CAP_PROP_CONVERT_RGB]:
             raw = cv2.imencode(".jpg", picture)[1].reshape(1, -1)

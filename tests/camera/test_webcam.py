@@ -128,7 +128,7 @@ def test_what_stays_automatic_is_told_with_the_exact_command(opened, how: str, c
     ("fake", "words"),
     [
         (FakeWebcam(hunts=0.08), r"its brightness varies by \d+ % though locked"),
-        (FakeWebcam(reddens=0.02), r"its red varies by \d+ % though locked"),
+        (FakeWebcam(reddens=0.015), r"its red varies by \d+ % though locked"),
     ],
 )
 def test_what_goes_on_changing_in_secret_is_seen_in_the_pictures(opened, fake: FakeWebcam, words: str):
