@@ -52,7 +52,7 @@ LONGEST_WALL_S = 52.0  # of a simulated drive that is not asked to last longer
 class Options:
     """Drive to a goal by what the camera sees, and leave a result in runs/latest."""
 
-    camera: str = "sim:room?seed=1"  # sim:room?seed=N, or a webcam's number or device
+    camera: str = "sim:room?seed=1"  # sim:room?seed=N, a webcam's number or device, or http:// of a stream
     robot: str = "sim:"  # sim: with a simulated camera, else auto or a port such as /dev/ttyACM0
     goal: str | None = None
     """X,Z in cm from the camera at the start, right and ahead; several make a route; a room has its own"""
