@@ -309,6 +309,16 @@ def _comments(kind: type) -> dict[str, tuple[list[str], str]]:
     return out
 
 
+# What tyro says of what it is given -> in our words.
+SAID = (
+    (r"Missing value for argument '(--.*?)'.*", r"\1 needs a value"),
+    (r"Missing value for argument '(.*?)'.*", r"\1 is missing"),
+    (r"invalid choice (.*) for argument '(.*?)'. Expected one of \((.*?),?\)", r"\2: \1 is not one of \3"),
+    (r"(.*)invalid literal for int\(\) with base 10: (.*)", r"\1\2 is not a whole number"),
+    (r"(.*)could not convert string to float: (.*)", r"\1\2 is not a number"),
+)
+
+
 def _one_line(box: str) -> str:
     """What tyro says in a frame of several lines, as one."""
     text = " ".join(re.sub(r"[╭╮╰╯│─]", " ", "\n".join(box.splitlines()[1:])).split())
@@ -318,6 +328,11 @@ def _one_line(box: str) -> str:
     section, colon, setting = problem.partition(": ")
     if colon and section in SECTIONS:
         problem = f"{section}.{setting}"  # said by the section's own check, beginning with the key
+    if problem.startswith("Missing from "):
+        needed = [one.split()[0] for one in problem.partition(": ")[2].split("(required)") if one.strip()]
+        problem = f"{' and '.join(needed)} {'is' if len(needed) == 1 else 'are'} missing"
+    for theirs, ours in SAID:
+        problem = re.sub(rf"^{theirs}$", ours, problem)
     nearest = re.findall(r"--[\w.-]+", suggestions)
     remedy = f"did you mean {nearest[0]}?" if nearest else "see --help"
     return f"{problem}; {remedy}" if problem else "the command line makes no sense; see --help"

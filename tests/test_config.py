@@ -244,8 +244,11 @@ def test_robot_toml_of_the_working_directory_is_used(tmp_path: Path, monkeypatch
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ([], ["--name"]),
-        (["--name", "a", "--count", "many"], ["--count", "many"]),
+        ([], ["--name is missing; see --help"]),
+        (["--name"], ["--name needs a value; see --help"]),
+        (["--name", "a", "--count", "many"], ["--count: 'many' is not a whole number; see --help"]),
+        (["--name", "a", "--nav.speed-cm-s", "fast"], ["--nav.speed-cm-s: 'fast' is not a number"]),
+        (["--name", "a", "--net.mode", "papre"], ["--net.mode: 'papre' is not one of 'ours', 'paper'"]),
         (["--name", "a", "--cont", "3"], ["--cont", "did you mean --count?"]),
         (["--name", "a", "--nav.sped-cm-s", "3"], ["did you mean --nav.speed-cm-s?"]),
         (["--name", "a", "--depth.min-step-cm", "inf"], ["depth.min_step_cm = inf", "0.001 to 100"]),

@@ -5,13 +5,14 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 import random
 import re
+from dataclasses import dataclass
 from enum import IntEnum
 from pathlib import Path
 
+from host.config import read_options
 from host.errors import InputError, run_command
 from host.link import protocol
 from host.link.parameters import PARAMETERS
@@ -330,11 +331,16 @@ def outputs(root: Path) -> dict[Path, str]:
     return {HEADER: header(), MANUAL: manual(written), GOLDEN: golden()}
 
 
+@dataclass(frozen=True)
+class GenerateOptions:
+    """Write what follows from host/link/protocol.py: header, tables, test vectors."""
+
+    check: bool = False  # write nothing; fail when a file is stale
+
+
 def main() -> None:
     """Write the generated files, or check them."""
-    parser = argparse.ArgumentParser(prog="python -m host.link.generate", description=__doc__)
-    parser.add_argument("--check", action="store_true", help="write nothing; fail when a file is stale")
-    check = parser.parse_args().check
+    check = read_options(GenerateOptions).check
     for path, text in outputs(ROOT).items():
         target = ROOT / path
         if target.exists() and target.read_text() == text:
