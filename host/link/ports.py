@@ -55,8 +55,12 @@ def list_devices() -> list[SerialDevice]:
     from serial.tools import list_ports
 
     names = lasting_names(BY_ID)
+    try:
+        ports = list_ports.comports()
+    except (OSError, TypeError, ValueError):  # a plug was pulled out while it was looked at
+        return []
     devices = []
-    for port in list_ports.comports():
+    for port in ports:
         usb = None if port.vid is None or port.pid is None else (port.vid, port.pid)
         maker = None if usb is None else ROBOT_MAKERS.get(usb[0])
         what = port.product or maker or ("serial port" if usb is None else "USB device")
@@ -233,7 +237,8 @@ class RobotPort:
         Raises
         ------
         DeviceError, UsageError
-            As `find_robot` and the serial port say; the plug is not back.
+            As `find_robot` and the serial port say. Later on only the former: the plug is not back, or it
+            cannot be told which it is.
         """
         if self._opened:
             return self._open_again()
@@ -261,7 +266,10 @@ class RobotPort:
         if len(same) == 1:
             line, device = SerialPort(same[0].path), same[0]
         else:
-            found = find_robot(same)
+            try:
+                found = find_robot(same)
+            except UsageError as error:  # in the middle of a drive nobody can choose
+                raise DeviceError(str(error)) from None
             assert found.line is not None, "that is what found means"
             line, device = found.line, found.device
         if os.path.realpath(device.path) != os.path.realpath(self.name):

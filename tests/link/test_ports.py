@@ -304,6 +304,27 @@ def test_chips_without_a_number_are_told_apart_by_socket_or_by_asking(plug: Plug
     assert before != b""  # it was asked the first time
 
 
+def test_of_two_robots_without_numbers_that_changed_sockets_none_is_taken(plug: Plug, tmp_path: Path, make):
+    devices = [uno(plug.path, None, "1-1")]
+    port = RobotPort(str(plug.path), lambda: list(devices), lambda _: None)
+    port.open().close()
+    second = Plug(tmp_path / "ttyACM1", seed=2)
+    second.start()
+    second.put_in(True)
+    devices = [uno(plug.path, None, "1-3"), uno(second.path, None, "1-4")]
+    with pytest.raises(DeviceError, match="several answer: .*ttyACM0.*ttyACM1"):
+        port.open()
+    second.end()
+
+
+def test_a_plug_that_is_pulled_while_the_ports_are_listed_ends_nothing(monkeypatch: pytest.MonkeyPatch):
+    def comports() -> list:
+        return [int(None, 16)]  # type: ignore[call-overload]  # as pyserial reads an idVendor that has gone
+
+    monkeypatch.setattr("serial.tools.list_ports.comports", comports)
+    assert list_devices() == []
+
+
 def test_robot_auto_and_a_simulated_camera_do_not_go_together():
     with pytest.raises(UsageError, match="do not go together"), open_rig("sim:room?seed=1", "auto", None):
         pass
