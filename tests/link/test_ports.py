@@ -312,7 +312,7 @@ def test_of_two_robots_without_numbers_that_changed_sockets_none_is_taken(plug: 
     second.start()
     second.put_in(True)
     devices = [uno(plug.path, None, "1-3"), uno(second.path, None, "1-4")]
-    with pytest.raises(DeviceError, match="several answer: .*ttyACM0.*ttyACM1"):
+    with pytest.raises(DeviceError, match=r"several answer: .*ttyACM0.*ttyACM1"):
         port.open()
     second.end()
 
