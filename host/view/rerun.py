@@ -61,8 +61,8 @@ def main() -> None:
     from host.record.atomic import check_writable
     from host.record.mcap_reader import Recording
 
-    out = options.out or options.recording.with_suffix(".rrd")
     recording = Recording(options.recording)
+    out = options.out or options.recording.with_suffix(".rrd")
     check_writable(out, folder=False)
     if out.resolve() == options.recording.resolve():
         raise UsageError(f"{out}: is the recording itself; name another file")
