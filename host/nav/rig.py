@@ -122,9 +122,11 @@ def open_rig(
         parse_robot(robot_uri)
     if not camera_uri.startswith("sim:") and not is_live(camera_uri):
         open_camera(camera_uri).close()
+        has_poses = camera_uri.endswith(".mcap") or (Path(camera_uri) / "poses.csv").exists()
+        measure = f", or measure in them with 'python -m host.measure {camera_uri}'" if has_poses else ""
         raise UsageError(
-            f"camera {camera_uri}: its pictures are not of now, and nothing can be driven by them; "
-            f"'python -m host.measure {camera_uri}' measures in them"
+            f"camera {camera_uri}: nothing can be driven by pictures that are not of now; name a webcam or a "
+            f"stream{measure}"
         )
     if simulated != camera_uri.startswith("sim:"):
         remedy = "; --robot auto finds a real one" if simulated else ""

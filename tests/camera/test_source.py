@@ -168,10 +168,11 @@ def test_closing_releases_the_device(capture: ScriptedCapture):
 def test_pictures_of_another_time_drive_nothing_and_where_they_are_measured_is_told(
     sequence_folder: Path, robot
 ):
-    with pytest.raises(UsageError) as told, open_rig(str(sequence_folder), robot, None):
-        pass
-    assert "its pictures are not of now, and nothing can be driven by them" in str(told.value)
-    assert f"'python -m host.measure {sequence_folder}' measures in them" in str(told.value)
+    for folder, measurable in ((sequence_folder, True), (sequence_folder / "frames", False)):
+        with pytest.raises(UsageError) as told, open_rig(str(folder), robot, None):
+            pass
+        assert "nothing can be driven by pictures that are not of now; name a webcam or a" in str(told.value)
+        assert (f"'python -m host.measure {folder}'" in str(told.value)) == measurable
 
 
 def test_a_real_camera_does_not_go_with_a_simulated_robot_and_how_to_find_a_real_one_is_told():
