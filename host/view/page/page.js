@@ -29,7 +29,8 @@ function connect() {
     else { queue.push(event.data); drawQueue(); }
   };
   socket.onclose = () => {
-    if (phase !== "end") setPhase("gone", "no connection to the robot's program: it has ended, or the network is gone");
+    const why = "no connection to the robot's program: it has ended, or the network is gone";
+    if (phase !== "end") setPhase("gone", why);
     setTimeout(connect, RETRY_MS);
   };
 }
@@ -58,7 +59,8 @@ function setPhase(next, words) {
   if (next === "wait") { chip("starting", ""); stopping = false; history.length = 0; }
   const button = $("stop");
   button.disabled = next === "end" || next === "gone";
-  button.firstChild.textContent = next === "stopped" ? "STOPPED" : stopping && next !== "end" ? "STOPPING" : "STOP";
+  const said = stopping && next !== "end" ? "STOPPING" : "STOP";
+  button.firstChild.textContent = next === "stopped" ? "STOPPED" : said;
 }
 
 // Both ways at once: whichever is quicker. Being told twice changes nothing.
@@ -85,7 +87,8 @@ async function drawQueue() {
   drawing = true;
   while (queue.length) {
     const [next, jpeg, cells] = unpack(queue.shift());
-    if (jpeg.length) picture = await createImageBitmap(new Blob([jpeg], { type: "image/jpeg" })).catch(() => picture);
+    const blob = new Blob([jpeg], { type: "image/jpeg" });
+    if (jpeg.length) picture = await createImageBitmap(blob).catch(() => picture);
     shot = next;
     known = cells;
     note(shot);
@@ -95,7 +98,9 @@ async function drawQueue() {
     live.shots += 1;
     drawnAt.push(performance.now());
     // Once the browser begins its next frame this one is out.
-    const drawn = () => { if (socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify({ drawn: next.number })); };
+    const drawn = () => {
+      if (socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify({ drawn: next.number }));
+    };
     if (document.hidden) drawn();
     else requestAnimationFrame(drawn);
   }
@@ -128,7 +133,8 @@ function surface(canvas) {
 }
 
 function depthColour(cm) {
-  const at = Math.log(Math.min(Math.max(cm, NEAR_CM), FAR_CM) / NEAR_CM) / Math.log(FAR_CM / NEAR_CM) * (RAMP.length - 1);
+  const within = Math.min(Math.max(cm, NEAR_CM), FAR_CM);
+  const at = (RAMP.length - 1) * Math.log(within / NEAR_CM) / Math.log(FAR_CM / NEAR_CM);
   const k = Math.min(Math.floor(at), RAMP.length - 2), part = at - k;
   const [a, b] = [RAMP[k], RAMP[k + 1]].map((hex) => [1, 3, 5].map((i) => parseInt(hex.slice(i, i + 2), 16)));
   return `rgb(${a.map((v, i) => Math.round(v + (b[i] - v) * part)).join(",")})`;
@@ -198,46 +204,60 @@ function drawCorners(paint, regions, x0, y0, scale) {
   paint.fill();
 }
 
-// The middle of the widest stretch of a region along some of its rows.
-function middle(region) {
-  const ys = region.loops[0].filter((_, i) => i % 2);
-  const low = Math.min(...ys), high = Math.max(...ys);
-  let best = [0, 0, 0];
+// The middles of the widest stretches of a region along some of its rows, the best first; and its box.
+function middles(region) {
+  const xs = region.loops[0].filter((_, i) => i % 2 === 0), ys = region.loops[0].filter((_, i) => i % 2);
+  const box = { left: Math.min(...xs), right: Math.max(...xs), top: Math.min(...ys), bottom: Math.max(...ys) };
+  const found = [];
   for (const share of [0.5, 0.35, 0.65, 0.2, 0.8]) {
-    const y = low + share * (high - low), crossings = [];
+    const y = box.top + share * (box.bottom - box.top), crossings = [];
     for (const loop of region.loops) for (let i = 0, n = loop.length; i < n; i += 2) {
       const xa = loop[i], ya = loop[i + 1], xb = loop[(i + 2) % n], yb = loop[(i + 3) % n];
       if ((ya > y) !== (yb > y)) crossings.push(xa + (xb - xa) * (y - ya) / (yb - ya));
     }
     crossings.sort((a, b) => a - b);
+    let best = [0, 0, y];
     for (let i = 0; i + 1 < crossings.length; i += 2) {
       const wide = crossings[i + 1] - crossings[i];
-      if (wide > 1.15 * best[0]) best = [wide, (crossings[i] + crossings[i + 1]) / 2, y];
+      if (wide > best[0]) best = [wide, (crossings[i] + crossings[i + 1]) / 2, y];
     }
+    if (best[0]) found.push(best);
   }
-  return best;
+  // The first, in the middle, unless another is clearly wider.
+  found.sort((a, b) => Math.round(3 * Math.log(b[0] / a[0])));
+  return [found.map(([, x, y]) => [x, y]), box];
 }
 
 function drawLabels(paint, regions, x0, y0, scale, width, height) {
   const letters = width < 500 ? 12 : 14, high = letters + 9, taken = [];
   paint.textBaseline = "middle";
+  const free = ([x, y], box) => !taken.some(([tx, ty, wide]) =>
+    x < tx + wide + 2 && tx < x + box + 2 && y < ty + high + 2 && ty < y + high + 2);
+  // In the region, or at a small one's rim.
+  const placeFor = (region, box) => {
+    const [spots, around] = middles(region);
+    if ((around.bottom - around.top) * scale < 2 * high) {
+      const x = (around.left + around.right) / 2, rim = high / 2 / scale + 2;
+      spots.unshift([x, around.bottom + rim], [x, around.top - rim]);
+    }
+    return spots.map(([x, y]) => [
+      Math.min(Math.max(x0 + (x + 0.5) * scale - box / 2, x0 + 3), width - x0 - box - 3),
+      Math.min(Math.max(y0 + (y + 0.5) * scale - high / 2, y0 + 3), height - y0 - high - 3),
+    ]).find((place) => free(place, box));
+  };
   const known = regions.filter((region) => region.depth_cm !== null).sort((a, b) => a.depth_cm - b.depth_cm);
   for (const region of known) {
-    const [wide, mx, my] = middle(region);
-    if (!wide) continue;
     const digits = region.sigma_cm !== null && region.sigma_cm < 2 ? 1 : 0;
-    const depth = region.depth_cm.toFixed(digits), sigma = region.sigma_cm === null ? "" : ` ±${region.sigma_cm.toFixed(digits)}`;
+    const depth = region.depth_cm.toFixed(digits);
+    const sigma = region.sigma_cm === null ? "" : ` ±${region.sigma_cm.toFixed(digits)}`;
     const last = region.moving ? " moving" : "";
     paint.font = `600 ${letters}px system-ui, sans-serif`;
     const first = paint.measureText(depth).width;
     paint.font = `400 ${letters - 1}px system-ui, sans-serif`;
     const box = first + paint.measureText(sigma + last).width + 19;
-    const x = Math.min(Math.max(x0 + (mx + 0.5) * scale - box / 2, 3), width - box - 3);
-    let y = Math.min(Math.max(y0 + (my + 0.5) * scale - high / 2, 3), height - high - 3);
-    const free = (at) => !taken.some((t) => x < t[0] + t[2] + 2 && t[0] < x + box + 2 && at < t[1] + high + 2 && t[1] < at + high + 2);
-    const at = [0, -1, 1, -2, 2].map((k) => y + k * (high + 3)).find((v) => v > 0 && v < height - high && free(v));
-    if (at === undefined) continue;
-    y = at;
+    const place = placeFor(region, box);
+    if (!place) continue;
+    const [x, y] = place;
     taken.push([x, y, box]);
     paint.fillStyle = "rgba(13,17,19,0.78)";
     paint.beginPath();
@@ -296,7 +316,10 @@ function drawMap(map, cells) {
 function follow(map, width, height) {
   const xs = [], zs = [];
   const add = (x, z, r) => { xs.push(x - r, x + r); zs.push(z - r, z + r); };
-  if (map.rows) { add(map.x_cm, map.z_cm, 0); add(map.x_cm + map.cols * map.cell_cm, map.z_cm + map.rows * map.cell_cm, 0); }
+  if (map.rows) {
+    add(map.x_cm, map.z_cm, 0);
+    add(map.x_cm + map.cols * map.cell_cm, map.z_cm + map.rows * map.cell_cm, 0);
+  }
   for (const goal of map.goals) add(goal[0], goal[1], 15);
   for (let i = 0; i < map.path.length; i += 2) add(map.path[i], map.path[i + 1], map.radius_cm);
   if (!xs.length) add(0, 0, 75);
@@ -433,7 +456,7 @@ function drawWheels() {
     paint.setLineDash(dash);
     paint.lineJoin = "round";
     paint.beginPath();
-    history.forEach((row, i) => (i ? paint.lineTo(x(row[0]), y(row[column])) : paint.moveTo(x(row[0]), y(row[column]))));
+    for (const row of history) paint.lineTo(x(row[0]), y(row[column]));
     paint.stroke();
     paint.setLineDash([]);
   };
@@ -481,7 +504,8 @@ const round = (value) => (value === null || value === undefined ? "–" : value.
 function sayTiming(content) {
   const now = performance.now();
   while (drawnAt.length > 2 && drawnAt[0] < now - 2000) drawnAt.shift();
-  const rate = drawnAt.length > 2 ? (1000 * (drawnAt.length - 1)) / (drawnAt[drawnAt.length - 1] - drawnAt[0]) : null;
+  const last = drawnAt.length - 1;
+  const rate = last > 1 ? (1000 * last) / (drawnAt[last] - drawnAt[0]) : null;
   $("command").textContent = round(content.latency_ms);
   $("drawn").textContent = round(drawnMs);
   $("rate").textContent = round(rate);
@@ -493,7 +517,7 @@ function sayTiming(content) {
     return part;
   }));
   $("stages").replaceChildren(...stages.map(([name, ms], k) => {
-    const item = document.createElement("li"), dot = document.createElement("i"), time = document.createElement("b");
+    const [item, dot, time] = ["li", "i", "b"].map((name) => document.createElement(name));
     dot.style.background = STAGE_COLOURS[k % STAGE_COLOURS.length];
     time.textContent = ms.toFixed(1);
     item.append(dot, `${name} `, time);
@@ -525,7 +549,8 @@ function sayReasons(reasons) {
 
 function readColours() {
   const style = getComputedStyle(document.documentElement);
-  const names = ["unknown", "free", "filled", "grid", "path", "way", "goal", "robot", "left", "right", "muted", "line", "card", "bad"];
+  const names = ["unknown", "free", "filled", "grid", "path", "way", "goal", "robot", "left", "right", "muted",
+    "line", "card", "bad"];
   colours = Object.fromEntries(names.map((name) => [name, style.getPropertyValue(`--${name}`).trim()]));
   const rgb = (hex) => [1, 3, 5].map((i) => parseInt(hex.slice(i, i + 2), 16));
   colours.freeRgb = rgb(colours.free);
