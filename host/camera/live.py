@@ -11,7 +11,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from host.camera.frame import Frame
-from host.camera.jpeg import decode_jpeg, without_padding
+from host.camera.jpeg import decode_jpeg, whole_jpeg
 from host.camera.lens import Lens
 from host.errors import DeviceError, RobotError
 
@@ -160,8 +160,8 @@ class LiveCamera:
             self._spoil("the same pictures again and again: it hangs; pull its plug and put it back")
             return
         if isinstance(picture, bytes):
-            encoded = without_padding(picture)
-            image = decode_jpeg(encoded)
+            encoded = whole_jpeg(picture)
+            image = None if encoded is None else decode_jpeg(encoded)
         else:
             image = picture
         self._seq += shot.skipped + 1

@@ -13,7 +13,7 @@ import numpy as np
 
 from host.by_id import lasting_names
 from host.camera.config import WebcamConfig
-from host.camera.jpeg import START, decode_jpeg, without_padding
+from host.camera.jpeg import START, decode_jpeg, whole_jpeg
 from host.camera.lens import Lens
 from host.camera.live import Shot
 from host.camera.lock import hold_still
@@ -207,7 +207,10 @@ def _first_picture(webcam: Webcam, video: Video, device: Path, lens: Lens | None
 
 def decoded(shot: Shot) -> np.ndarray | None:
     """The image of a shot; None where it is damaged."""
-    return decode_jpeg(without_padding(shot.picture)) if isinstance(shot.picture, bytes) else shot.picture
+    if not isinstance(shot.picture, bytes):
+        return shot.picture
+    whole = whole_jpeg(shot.picture)
+    return None if whole is None else decode_jpeg(whole)
 
 
 def _lock(webcam: Webcam, device: Path, config: WebcamConfig, tell: Tell) -> None:
