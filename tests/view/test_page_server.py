@@ -250,6 +250,12 @@ def test_a_port_that_was_asked_for_and_is_taken_is_told_in_one_line():
             LivePage(port=port)
 
 
+def test_where_aiohttp_is_missing_one_line_says_what_to_do(monkeypatch):
+    monkeypatch.setattr(server, "find_spec", lambda name: None)
+    with pytest.raises(UsageError, match="aiohttp is not installed; run 'make setup'"):
+        LivePage(port=0)
+
+
 def test_a_server_that_fails_does_not_end_the_drive(monkeypatch, capsys):
     def fail(self):
         raise OSError("no more files")

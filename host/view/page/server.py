@@ -17,6 +17,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
+from importlib.util import find_spec
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
@@ -77,6 +78,8 @@ class LivePage:
     """
 
     def __init__(self, host: str = "127.0.0.1", port: int | None = None) -> None:
+        if find_spec("aiohttp") is None:
+            raise UsageError("--view: aiohttp is not installed; run 'make setup'")
         self._socket = _listen(host, port)
         address, number = self._socket.getsockname()[:2]
         self._guard = Guard.of(host, address)
