@@ -7,6 +7,7 @@ import signal
 import sys
 from collections.abc import Callable
 from importlib.util import find_spec
+from types import TracebackType
 
 EXIT_DONE = 0
 EXIT_USAGE = 2
@@ -53,7 +54,8 @@ def begin_command() -> None:
     """
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, _leave_early)
-    packages = ("numpy", "cv2", "rich", "serial", "tyro")
+    sys.excepthook = _leave_unimported
+    packages = ("numpy", "cv2", "rich", "serial", "tyro", "aiohttp", "mcap", "mcap_ros2")
     modules = ("host.rbdn._core", "host.depth._depth", "host.nav._nav", "host.sim._render", "host.sim._board")
     # Looking for a module of ours imports the package around it, which needs the others.
     missing = [name for name in packages if find_spec(name) is None]
@@ -72,6 +74,24 @@ def _leave_early(*_: object) -> None:
     os._exit(EXIT_INTERRUPTED)  # nothing is open yet, and half-done imports do not unwind cleanly
 
 
+def _leave_unimported(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
+    """What is there and does not load, as a library that lacks another, gets one line as well."""
+    if not isinstance(error, ImportError):
+        sys.__excepthook__(kind, error, trace)
+        return
+    print(f"error: {_unimported(error)}", file=sys.stderr)
+    sys.stderr.flush()
+    os._exit(EXIT_USAGE)  # which this hook cannot tell otherwise
+
+
+def _unimported(error: ImportError) -> str:
+    return f"{_line(error)}: run 'make setup'; 'python -m host.doctor' tells what is missing"
+
+
+def _line(error: object) -> str:
+    return " ".join(str(error).split("\n"))
+
+
 def run_command(command: Callable[[], int | None]) -> None:
     """Run a command's body; exit with its code, and turn a RobotError into one line on stderr."""
     for number in (signal.SIGINT, signal.SIGTERM):  # a polite kill ends as Ctrl-C does
@@ -80,11 +100,18 @@ def run_command(command: Callable[[], int | None]) -> None:
     try:
         sys.exit(command() or EXIT_DONE)
     except RobotError as error:
-        print(f"error: {error}", file=sys.stderr)
+        print(f"error: {_line(error)}", file=sys.stderr)
         sys.exit(error.exit_code)
+    except ImportError as error:
+        print(f"error: {_unimported(error)}", file=sys.stderr)
+        sys.exit(EXIT_USAGE)
     except BrokenPipeError:  # whoever reads our output, such as head, has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(EXIT_DONE)
+    except OSError as error:  # that no place foresaw: a name too long, a disk that is full
+        where = f"{_line(error.filename)}: " if isinstance(error.filename, str | os.PathLike) else ""
+        print(f"error: {where}{error.strerror or error}; choose another place", file=sys.stderr)
+        sys.exit(EXIT_INPUT)
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         sys.exit(EXIT_INTERRUPTED)

@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from host.errors import UsageError, run_command
+
 ROOT = Path(__file__).resolve().parents[1]
 COMMANDS = [["host/nav_loop.py"], ["-m", "host.measure", "nowhere"]]
 
@@ -37,6 +39,43 @@ def test_every_native_module_that_was_not_built_is_named():
     assert run.returncode == 2 and len(names) == 5
     assert run.stderr.startswith("error: ") and run.stderr.count("\n") == 1
     assert set(names) == set(run.stderr.removeprefix("error: ").split(" not found")[0].split(", "))
+
+
+IMPORTS = ["import no_such_library", "from math import no_such_name"]
+
+
+@pytest.mark.parametrize("command", [*IMPORTS, *(f"run_command(lambda: exec({one!r}))" for one in IMPORTS)])
+def test_what_does_not_load_is_told_in_one_line_with_who_can_tell_more(command):
+    program = f"from host.errors import *\nbegin_command()\n{command}"
+    run = subprocess.run([sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True)
+    assert run.returncode == 2
+    assert run.stderr.startswith("error: ") and run.stderr.count("\n") == 1
+    assert "no_such" in run.stderr and "make setup" in run.stderr and "host.doctor" in run.stderr
+
+
+def test_an_error_about_a_name_with_a_line_feed_is_one_line_too(capfd):
+    def refuse() -> None:
+        raise UsageError("a\nb: no such file")
+
+    with pytest.raises(SystemExit) as stop:
+        run_command(refuse)
+    assert stop.value.code == 2 and capfd.readouterr().err == "error: a b: no such file\n"
+
+
+@pytest.mark.parametrize(
+    ("error", "told"),
+    [
+        (OSError(36, "File name too long", "xxx"), "error: xxx: File name too long; choose another place\n"),
+        (OSError(28, "No space left on device"), "error: No space left on device; choose another place\n"),
+    ],
+)
+def test_what_the_system_refuses_where_nobody_foresaw_it_is_one_line_too(error, told, capfd):
+    def refuse() -> None:
+        raise error
+
+    with pytest.raises(SystemExit) as stop:
+        run_command(refuse)
+    assert stop.value.code == 3 and capfd.readouterr().err == told
 
 
 @pytest.mark.parametrize("command", COMMANDS)

@@ -24,6 +24,7 @@ from host.sim.scenes import world_from_uri
 from host.sim.things import moved
 from host.sim.world import World
 
+MOST_FRAMES = 1_000_000
 PERIOD_S = 0.1  # between frames
 
 
@@ -236,8 +237,8 @@ def main() -> None:
     )
     parser.add_argument("--ideal", action="store_true", help="no blur, noise or JPEG")
     options = parser.parse_args()
-    if options.frames < 1:
-        raise UsageError(f"--frames must be at least 1, not {options.frames}")
+    if not 1 <= options.frames <= MOST_FRAMES:
+        raise UsageError(f"--frames must be from 1 to {MOST_FRAMES}, not {options.frames}")
     for name in ("shake", "encoder"):
         if not 0.0 <= getattr(options, name) < math.inf:
             raise UsageError(f"--{name} must be 0 or more, not {getattr(options, name)}")
