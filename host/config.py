@@ -101,21 +101,9 @@ def config_text(config: Config) -> str:
     return "".join(parts)
 
 
-def changed_settings(config: Config) -> dict[str, dict[str, Any]]:
-    """By section, the settings that differ from their defaults."""
-    default = Config()
-    changed = {
-        section: {
-            key: value
-            for key, value in dataclasses.asdict(getattr(config, section)).items()
-            if value != getattr(getattr(default, section), key)
-        }
-        for section in SECTIONS
-    }
-    return {section: values for section, values in changed.items() if values}
-
-
-def read_command_line(kind: type[Options], arguments: list[str] | None = None) -> tuple[Options, Config]:
+def read_command_line(
+    kind: type[Options], arguments: list[str] | None = None, subcommand: str = ""
+) -> tuple[Options, Config]:
     """Parse a command's own options, and with them any setting as ``--section.key VALUE``.
 
     Settings come from ``--config FILE``, else from robot.toml in the working directory if there is one,
@@ -127,6 +115,8 @@ def read_command_line(kind: type[Options], arguments: list[str] | None = None) -
         Dataclass of the command's options, each field commented; its docstring introduces ``--help``.
     arguments
         Instead of the process's own.
+    subcommand
+        Its name, for the usage line.
 
     Raises
     ------
@@ -149,7 +139,7 @@ def read_command_line(kind: type[Options], arguments: list[str] | None = None) -
         ("dump_config", typing.Annotated[tyro.conf.FlagCreatePairsOff[bool], dump], False),
         *((name, section, field(default=getattr(settings, name))) for name, section in SECTIONS.items()),
     ]
-    parsed = _parse(kind, parts, arguments, _program())
+    parsed = _parse(kind, parts, arguments, f"{_program()} {subcommand}".strip())
     config = Config(**{name: getattr(parsed, name) for name in SECTIONS})
     if parsed.dump_config:
         print(config_text(config), end="")

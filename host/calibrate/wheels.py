@@ -62,12 +62,13 @@ class WheelsOptions:
         limits = {
             "side_mm": (500.0, 20_000.0), "straight_mm": (500.0, 20_000.0),
             "runs": (1, 100), "checks": (1, 100), "speed_mm_s": (50.0, 1000.0), "rate_rad_s": (0.2, 6.0),
+            "seed": (0, 2**31 - 1),
         }  # fmt: skip
         for name, (lowest, highest) in limits.items():
             value = getattr(self, name)
             if not lowest <= value <= highest:
                 option = name.replace("_", "-")
-                raise UsageError(f"--{option} must be from {lowest:g} to {highest:g}, not {value:g}")
+                raise UsageError(f"--{option} must be from {lowest:.10g} to {highest:.10g}, not {value:.10g}")
 
 
 @dataclass
