@@ -5,6 +5,7 @@
 #include <cstdio>
 
 #include "relief.hpp"
+#include "robust.hpp"
 
 namespace depth {
 
@@ -14,8 +15,7 @@ constexpr double MIN_FACING = 0.5;     // cosine of the angle from the way beyon
 constexpr double MIN_AHEAD = 0.7;       // cosine between optical axis and travel beyond which areas do not face it
 constexpr double BREAK_SIGMAS = 6.0;   // a sight so far from the line of the others contradicts it
 constexpr int BREAK_FRAMES = 2;        // so many of them in a row begin a new history
-constexpr int FORGET_FRAMES = 30;      // a region not seen for so long has no history
-constexpr double TUKEY = 4.7;          // residuals so many times their scale do not count
+constexpr int FORGET_AREA_FRAMES = 30;      // a region not seen for so long has no history
 constexpr double LEAST_WEIGHT = 1e-3;  // of a sight, so that the line can come back to it
 constexpr int ROBUST_PASSES = 4;
 constexpr int LEADING_PASSES = 2;      // of them
@@ -31,8 +31,6 @@ const char* const AFTER_CHANGE = "split or merged; a new baseline begins";
 const char* const AFTER_JUMP = "its area jumped; a new baseline begins";
 
 using Values = std::vector<double>;
-
-double square(double v) { return v * v; }
 
 std::string with_percent(const char* format, double share) {
     char text[96];
@@ -158,7 +156,7 @@ AreaMethod::AreaMethod(const Camera& camera, const AreaConfig& config) : camera_
 void AreaMethod::forget(std::int64_t id) { histories_.erase(id); }
 
 void AreaMethod::forget_unseen(int present) {
-    std::erase_if(histories_, [present](const auto& h) { return present - h.second.last_frame > FORGET_FRAMES; });
+    std::erase_if(histories_, [present](const auto& h) { return present - h.second.last_frame > FORGET_AREA_FRAMES; });
 }
 
 std::set<int> AreaMethod::frames() const { return {kept_.begin(), kept_.end()}; }

@@ -5,6 +5,7 @@
 #include <unordered_map>
 
 #include "dense.hpp"
+#include "robust.hpp"
 
 namespace depth {
 
@@ -12,7 +13,6 @@ namespace {
 
 constexpr double BORDER_PX = 3.0;       // a vertex so near to the image border slides along it
 constexpr std::size_t FEWEST_TRACKS = 6;
-constexpr double TUKEY = 4.7;
 constexpr double GUESS_PX = 0.75;       // how far a guess from the vertices may be off
 constexpr double MEMORY = 0.85;         // share of what was learnt of odometry that a frame leaves standing
 constexpr double SHAKING_GAIN = 0.1;    // of what one frame says of how much the camera shakes
@@ -21,8 +21,6 @@ constexpr std::size_t READINGS = 96;
 constexpr double SAME_STEP = 0.02;      // relative; steps of odometry are multiples of each other within this
 constexpr std::size_t FEWEST_STEPS = 4;
 constexpr double WIDEST_SCALE = 0.25;   // by which stepped odometry may be wrong in all
-
-double square(double v) { return v * v; }
 
 double median(std::vector<double> v) {
     std::nth_element(v.begin(), v.begin() + static_cast<std::ptrdiff_t>(v.size() / 2), v.end());

@@ -4,18 +4,16 @@
 #include <cmath>
 
 #include "dense.hpp"
+#include "robust.hpp"
 
 namespace depth {
 
 namespace {
 
-constexpr double TUKEY = 4.7;        // residuals so many times their scale have no weight
 constexpr double TUKEY_SPREAD = 1.25;  // its weights hide part of the spread
-constexpr int PASSES = 2;            // of robust weighting on one look
+constexpr int LOOK_PASSES = 2;            // of robust weighting on one look
 constexpr double COST_SCALES = 3.0;  // residuals so many times the usual scale all cost the same
 constexpr double LEAST_RHO = 1e-6, GREATEST_RHO = 1.0;  // 1/cm
-
-double square(double v) { return v * v; }
 
 // Inverse of a symmetric positive 3 x 3 matrix, by way of its correlation matrix.
 std::array<double, 9> inverse3(const std::array<double, 9>& a) {
@@ -77,7 +75,7 @@ void JointFit::step(const std::vector<double>& own, double tilt, const FitSettin
     }
     std::fill(scale_.begin(), scale_.end(), 1.0);
     std::vector<double> spread(regions_), freedom(regions_);
-    for (int pass = 0; pass < PASSES; ++pass) {
+    for (int pass = 0; pass < LOOK_PASSES; ++pass) {
         std::fill(spread.begin(), spread.end(), 0.0), std::fill(freedom.begin(), freedom.end(), 0.0);
         for (std::size_t n = 0; n < rows; ++n) {
             const auto r = static_cast<std::size_t>(samples_->rows[n].region);

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "polygon.hpp"
+#include "robust.hpp"
 
 namespace depth {
 
@@ -12,7 +13,7 @@ namespace {
 
 constexpr std::size_t HISTORY = 8;      // frames of each track
 constexpr std::size_t FEWEST = 4;       // to tell a steady motion from a jump
-constexpr int FORGET_FRAMES = 10;
+constexpr int FORGET_MOVER_FRAMES = 10;
 constexpr double MIDDLE_PX = 0.2;       // standard error of a middle,
 constexpr double MIDDLE_SHARE = 0.004;  // and more where the region is large
 constexpr double OUTLINE_PX = 0.3;      // of an outline, for the size
@@ -21,8 +22,6 @@ constexpr double SURE = 10.0;           // or so many times what a middle may be
 constexpr double LEAST_CHI2 = 50.0;
 constexpr double STEADY = 0.12;         // rest of the middles' track over the shift
 constexpr double RESHAPED = 0.25;       // change of a width beyond the size's, over the shift
-
-double square(double v) { return v * v; }
 
 }  // namespace
 
@@ -37,13 +36,13 @@ std::vector<char> Movers::update(const FrameView& frame, const Path& path, int p
         const Moments m = polygon_moments(region.loops);
         const Sight now{present, m.centre, {std::sqrt(12 * m.xx), std::sqrt(12 * m.yy)}, std::sqrt(std::max(m.area, 1.0))};
         Track& track = tracks_[region.id];
-        if (!track.sights.empty() && present - track.sights.back().frame > FORGET_FRAMES) track = {};
+        if (!track.sights.empty() && present - track.sights.back().frame > FORGET_MOVER_FRAMES) track = {};
         track.moves = moves(track, path, now);
         out.push_back(track.moves);
         track.sights.push_back(now);
         if (track.sights.size() > HISTORY) track.sights.erase(track.sights.begin());
     }
-    std::erase_if(tracks_, [&](const auto& t) { return present - t.second.sights.back().frame > FORGET_FRAMES; });
+    std::erase_if(tracks_, [&](const auto& t) { return present - t.second.sights.back().frame > FORGET_MOVER_FRAMES; });
     return out;
 }
 

@@ -9,6 +9,7 @@
 #include "ownership.hpp"
 #include "polygon.hpp"
 #include "relief.hpp"
+#include "robust.hpp"
 
 namespace depth {
 
@@ -20,7 +21,7 @@ constexpr double GATES_PX[] = {5.0, 3.5, 2.5, 2.5, 2.0, 1.5};  // residuals beyo
 constexpr std::size_t SETTLED_FROM = 2;  // the round where depths known from before begin
 constexpr std::size_t OWNERS_FROM = 3;   // from which on outlines count for their owners only
 constexpr double MIN_OWN_PX = 20.0;    // of outline that is the region's own
-constexpr double MIN_OWN_SHARE = 0.25; // of its outline within the image
+constexpr double MIN_OUTLINE_SHARE = 0.25; // of its outline within the image
 constexpr double MIN_FOUND = 0.2;      // of its own outline over all kept frames
 constexpr double NOTHING_FOUND = 0.05; // of the outline, in a keyframe that shows another part of the world
 constexpr double MIN_CONTRAST = 0.15;  // of a wrong depth's cost above the best
@@ -39,11 +40,9 @@ constexpr double BEYOND_SLANT = 1.2;    // tangent of the slant that what is cut
 constexpr double CORNER_PX = 25.0;       // of outline either way that shows the depth of a corner
 constexpr double UNEVEN_SHARE = 0.04;    // where the region is no single face, whose outline is in one plane
 constexpr double CORNER_SHARE = 0.08;    // by which a corner lies before or behind the rest of the outline
-constexpr double CLEARLY_BETTER = 0.03;  // mean cost by which a jerk must explain the outlines better
+constexpr double JERK_BETTER = 0.03;  // mean cost by which a jerk must explain the outlines better
 constexpr int LOOK_AGAIN_FRAMES = 5;     // after which a region's depth is looked for anew among all depths,
 constexpr double LOOK_AGAIN_REACH = 1.2; // or when the longest way has grown so much: a wrong one would keep itself
-
-double square(double v) { return v * v; }
 
 std::string percent(const char* text, double share) {
     char out[64];
@@ -143,7 +142,7 @@ std::vector<OutlineAnswer> OutlineMethod::answers(const FrameView& frame, Path& 
         path.at(present).pitch_rad += jerk->pitch_rad, path.at(present).yaw_rad += jerk->yaw_rad;
         std::vector<Start> jerked = look_for();
         path.at(present) = before;
-        if (mean_cost(jerked, samples) < mean_cost(start, samples) - CLEARLY_BETTER) {
+        if (mean_cost(jerked, samples) < mean_cost(start, samples) - JERK_BETTER) {
             ego.believe(*jerk, path, present);
             start = std::move(jerked);
         }
@@ -265,7 +264,6 @@ void OutlineMethod::find_corners(const FrameView& frame, const JointFit& fit, co
     }
 }
 
-
 OutlineAnswer OutlineMethod::answer(const RegionView& region, const RegionFit& fit, const Start& start,
                                     const Shape& shape, int present) {
     OutlineAnswer out;
@@ -282,7 +280,7 @@ OutlineAnswer OutlineMethod::answer(const RegionView& region, const RegionFit& f
         return no("many depths fit its outline alike");
     }
     if (!(shape.own > 0)) return no("its outline belongs to nearer regions");
-    if (fit.found_px < std::max(MIN_OWN_PX, MIN_OWN_SHARE * shape.length_px) || fit.found < MIN_FOUND)
+    if (fit.found_px < std::max(MIN_OWN_PX, MIN_OUTLINE_SHARE * shape.length_px) || fit.found < MIN_FOUND)
         return no("too little of its outline was found again");
     if (start.rival < MIN_RIVAL) return no("two depths fit its outline");
     if (fit.shift_px < MIN_SHIFT_PX) return no("too little motion for its distance");

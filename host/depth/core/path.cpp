@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "robust.hpp"
+
 namespace depth {
 
 namespace {
@@ -12,7 +14,6 @@ constexpr double ROLL_RAD = 0.01;       // between two frames, more than wheels 
 constexpr double RISE_CM = 0.2;         // likewise, than they lift it
 constexpr double STEEPEST_MOUNT = 0.7;  // roll over yaw, or rise over way, that a camera looking down sees on wheels
 
-double square(double v) { return v * v; }
 }  // namespace
 
 void Path::add(int frame, const Mat3& rotation, Vec3 position_cm, double t_s, double travel_sigma_cm,

@@ -8,7 +8,7 @@
 namespace depth {
 
 namespace {
-constexpr double FEWEST = 10;  // samples of a boundary where it has so many
+constexpr double FEWEST_SAMPLES = 10;  // samples of a boundary where it has so many
 }
 
 Samples pick_samples(const FrameView& frame, const Camera& camera, const std::vector<Vec2>& middle,
@@ -34,7 +34,7 @@ Samples pick_samples(const FrameView& frame, const Camera& camera, const std::ve
     out.spacing_px = std::max(spacing_px, all_px / static_cast<double>(most));
     std::vector<double> since(out.boundaries.size(), 0.0), gap(out.boundaries.size());
     for (std::size_t b = 0; b < gap.size(); ++b) {
-        gap[b] = std::min(out.spacing_px, out.boundaries[b].length_px / FEWEST);
+        gap[b] = std::min(out.spacing_px, out.boundaries[b].length_px / FEWEST_SAMPLES);
         since[b] = gap[b] / 2;
     }
     for (std::size_t i = 0; i < n; ++i) {

@@ -8,6 +8,7 @@
 
 #include "polygon.hpp"
 #include "relief.hpp"
+#include "robust.hpp"
 
 namespace depth {
 
@@ -15,7 +16,6 @@ namespace {
 
 constexpr int PASSES = 8;               // of robust weighting at most
 constexpr double SETTLED = 0.1;         // a step so many sigmas long ends them: the next is far shorter
-constexpr double TUKEY = 4.7;           // residuals so many times their scale have no weight
 constexpr double LARGEST_SCALE = 3.0;   // of residuals in their sigmas; beyond, frames contradict each other
 constexpr double PRIOR_FREEDOM = 6.0;   // what the residuals say of their sigma counts against so many
 constexpr double ACCEPTED = 0.25;       // weight of a frame that the fit explains
@@ -27,12 +27,10 @@ constexpr double ARM_PX = 5.0;
 constexpr int MIN_CORNERS = 3;          // a region's depth from fewer vertices is chance
 constexpr double USUAL_SLANT = 0.5;     // of a region, tangent: beforehand
 constexpr int PLANE_PASSES = 5;
-constexpr double FACE_CHI2 = 20.0;      // a slope is believed when so far from zero in units of its variance
+constexpr double SLOPE_CHI2 = 20.0;      // a slope is believed when so far from zero in units of its variance
 constexpr Relief SLANTED_FACE{0.0, 0.05};
 
 constexpr double NONE = std::numeric_limits<double>::quiet_NaN();
-
-double square(double v) { return v * v; }
 
 // An earlier frame, seen from the present one.
 struct View {
@@ -238,7 +236,7 @@ std::vector<char> bends(const std::vector<Vec2>& loop) {
     return out;
 }
 
-struct Corner {
+struct PlaneCorner {
     Vec2 at;            // from the middle of the region, over the focal length
     double rho, sigma;  // inverse depth
 };
@@ -253,7 +251,7 @@ struct Plane {
 };
 
 // Robust plane; slants beyond the usual are drawn back as far as the corners leave them open.
-bool fit_plane(const std::vector<Corner>& corners, Plane& out) {
+bool fit_plane(const std::vector<PlaneCorner>& corners, Plane& out) {
     std::vector<double> sorted(corners.size());
     const auto median_of = [&](auto value) {
         for (std::size_t k = 0; k < corners.size(); ++k) sorted[k] = value(corners[k]);
@@ -261,15 +259,15 @@ bool fit_plane(const std::vector<Corner>& corners, Plane& out) {
         std::nth_element(sorted.begin(), middle, sorted.end());
         return *middle;
     };
-    out = {median_of([](const Corner& c) { return c.rho; }), 0.0, 0.0, 0.0};
+    out = {median_of([](const PlaneCorner& c) { return c.rho; }), 0.0, 0.0, 0.0};
     for (int pass = 0; pass < PLANE_PASSES; ++pass) {
         // first as if all were well; about the plane they then make, their scatter shows who is not
         const double scatter =
-            pass == 0 ? 0.0 : 1.4826 * median_of([&](const Corner& c) { return std::abs(c.rho - out.at(c.at)); });
+            pass == 0 ? 0.0 : 1.4826 * median_of([&](const PlaneCorner& c) { return std::abs(c.rho - out.at(c.at)); });
         const double slant = 1 / square(USUAL_SLANT * out.a);
         Normal n{.xx = slant, .yy = slant, .gx = -slant * out.b, .gy = -slant * out.c};
         double chi2 = 0.0, freedom = -3.0;
-        for (const Corner& c : corners) {
+        for (const PlaneCorner& c : corners) {
             const double off = c.rho - out.at(c.at), variance = square(c.sigma) + square(scatter) / 4;
             const double miss2 = square(off / TUKEY) / (square(c.sigma) + square(scatter));
             const double share = pass == 0 ? 1.0 : square(std::max(0.0, 1 - miss2));
@@ -398,7 +396,7 @@ Answer VertexMethod::region(const RegionView& region, const FrameView& frame, co
     }
     std::sort(rows.begin(), rows.end());
     rows.erase(std::unique(rows.begin(), rows.end()), rows.end());
-    std::vector<Corner> corners;
+    std::vector<PlaneCorner> corners;
     double sensitivity = 0.0;
     const double focal = camera_.focal();
     for (const int row : rows) {
@@ -415,7 +413,7 @@ Answer VertexMethod::region(const RegionView& region, const FrameView& frame, co
     const double mean = mean_of_inverse(region.loops, plane.a - b * m.centre.x - c * m.centre.y, b, c);
     const double silhouette = std::isfinite(mean) ? mean : 1 / plane.a;
     // what slants as a face does has no other relief
-    const Relief relief = plane.slant_chi2 > FACE_CHI2 && may_be_one_face(outer) ? SLANTED_FACE : relief_of(outer, false);
+    const Relief relief = plane.slant_chi2 > SLOPE_CHI2 && may_be_one_face(outer) ? SLANTED_FACE : relief_of(outer, false);
     const double width = std::sqrt(m.area) / focal;
     const double relative = std::sqrt(plane.variance / square(plane.a) + square(relief.sigma_k * width) +
                                       square(config_.model_share));

@@ -13,7 +13,7 @@ namespace {
 constexpr double kStripNear = 2.5;  // px from the edge, past its blur
 constexpr double kStripFar = 4.5;
 constexpr double kStripSpacing = 1.5;
-constexpr int kFewSamples = 6;
+constexpr int kFewStepSamples = 6;
 constexpr double kForeign = 0.75;  // of the way from a face's own mean to its neighbour's
 constexpr int kSampleStep = 4;  // px between the pixels at which the last frame is remembered
 constexpr double kSameAsBefore = 1.25;  // of the distance within a face: at first little is seen but its blurred rim
@@ -35,7 +35,7 @@ struct Strip {
     }
 };
 
-struct Step {
+struct ColourStep {
     Strip left, right;
     double jump = 0;  // times length
     double length_px = 0;
@@ -56,13 +56,13 @@ bool is_foreign(const Strip& strip, const Colour& own, const Colour& beyond) {
 using FacePair = std::pair<int, int>;
 
 // Mean colours beside the common edges of every pair of neighbours.
-std::map<FacePair, Step> measure_steps(const Mesh& mesh, const Image& image, const std::vector<int>& labels,
+std::map<FacePair, ColourStep> measure_steps(const Mesh& mesh, const Image& image, const std::vector<int>& labels,
                                        const std::vector<float>& jumps) {
-    std::map<FacePair, Step> steps;
+    std::map<FacePair, ColourStep> steps;
     for (const Edge& e : mesh.edges) {
         if (e.on_border() || e.left == e.right) continue;
         const bool swapped = e.left > e.right;
-        Step& step = steps[{std::min(e.left, e.right), std::max(e.left, e.right)}];
+        ColourStep& step = steps[{std::min(e.left, e.right), std::max(e.left, e.right)}];
         const double size = mesh.edge_length(e);
         if (size < 1e-9) continue;
         step.jump += jumps.empty() ? 0.0 : size * jumps[static_cast<std::size_t>(&e - mesh.edges.data())];
@@ -92,11 +92,11 @@ std::map<FacePair, Step> measure_steps(const Mesh& mesh, const Image& image, con
     return steps;
 }
 
-double step_size(const Step& step, const Face& left, const Face& right) {
+double step_size(const ColourStep& step, const Face& left, const Face& right) {
     double sum = 0;
     for (int k = 0; k < 3; ++k) {
-        const double a = step.left.count >= kFewSamples ? step.left.sum[k] / step.left.count : left.mean[k];
-        const double b = step.right.count >= kFewSamples ? step.right.sum[k] / step.right.count : right.mean[k];
+        const double a = step.left.count >= kFewStepSamples ? step.left.sum[k] / step.left.count : left.mean[k];
+        const double b = step.right.count >= kFewStepSamples ? step.right.sum[k] / step.right.count : right.mean[k];
         const double difference = (a - b) * (k == 0 ? kExtraLightness : 1.0F);
         sum += difference * difference;
     }
