@@ -1,8 +1,9 @@
 """A recording while it is made: the loop hands over what there is, a thread of its own writes it down.
 
-The loop never waits for the disk, but in virtual time, which stands meanwhile. What does not fit into the
-queue is left out, counted and told. Every `FLUSH_S` all that was heard is in the file; where the disk is full
-or gone the recording ends with one line and the drive goes on.
+The thread works when the loop has done with a picture and waits for the next, so that they do not contend for
+the interpreter. The loop never waits for the disk, but in virtual time, which stands meanwhile. What does not
+fit into the queue is left out, counted and told. What was heard is in the file after twice `FLUSH_S` at the
+latest; where the disk is full or gone the recording ends with one line and the drive goes on.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ from host.record.mcap_writer import Told, Writer
 from host.record.versions import versions
 
 QUEUE_BYTES = 64_000_000  # pictures wait in these; the rest, which is small, in a quarter more
-FLUSH_S = 0.4
+FLUSH_S = 0.3
 CLOSE_S = 20.0  # for what is still in the queue at the end
 VIEW_BYTES = 200_000  # net and depths of a picture, about
 SMALL_BYTES = 300  # what an entry without a picture takes, about
@@ -64,9 +65,11 @@ class Recorder:
         self._wall_ns = 0  # wall clock less host clock
         self._patient = False  # time stands while this waits
         self._begun = False
-        self._news = threading.Condition()
+        # Without a lock: the deque needs none, and each of the sums is written by one thread, but for what is
+        # sent from others than the loop's, whose few bytes may be miscounted.
         self._queue: deque[tuple[Told, int]] = deque()
-        self._waiting_bytes = 0
+        self._given_bytes = self._written_bytes = 0
+        self._work = threading.Event()
         self._closing = False
         self._ended: str | None = None  # why nothing more is written
         self._lost_frames = self._lost_others = 0
@@ -135,16 +138,18 @@ class Recorder:
         self._put("decided", command)
 
     def drove(self, view: View, log: DriveLog, robot: Robot) -> None:
-        """To be told of every frame that was driven on."""
+        """To be told of every frame that was driven on, last of all that is done about it."""
         latency_ms = 1e3 * (self._now_s() - view.frame.t_s)
         self._put("drove", (self.frame_number(view.frame), view, latency_ms, robot.latest), VIEW_BYTES)
         self._note_events(log, robot)
+        self._work.set()
 
     def refused(self, frame: Frame | None, why: str, log: DriveLog, robot: Robot) -> None:
         """To be told of every frame that was not."""
         number = None if frame is None else self.frame_number(frame)
         self._put("entry", {"do": "refused", "frame": number, "t_s": self._now_s(), "why": why})
         self._note_events(log, robot)
+        self._work.set()
 
     def ended(self, log: DriveLog, robot: Robot) -> None:
         """To be told when the drive is over."""
@@ -159,15 +164,15 @@ class Recorder:
 
     def close(self) -> None:
         """Write what is left and close the file; without anything in it, it goes again."""
-        with self._news:
-            if self._closing:
-                return
-            self._closing = True
-            self._news.notify()
+        if self._closing:
+            return
+        self._closing = True
+        self._work.set()
         self._thread.join(CLOSE_S)
         if self._thread.is_alive():
             self._ended = "the disk is slow"
-            self._say(f"{self.path}: the disk does not take the last {self._waiting_bytes / 1e6:.0f} MB")
+            waiting_mb = 1e-6 * (self._given_bytes - self._written_bytes)
+            self._say(f"{self.path}: the disk does not take the last {waiting_mb:.0f} MB")
         elif not self._begun:
             self._writer.discard()
         elif self._ended is None and (self._lost_frames or self._lost_others):
@@ -229,16 +234,15 @@ class Recorder:
         """Hand over to the writer; False where there is no room."""
         now_ns = self._wall_ns + round(1e9 * self._now_s())
         room = QUEUE_BYTES if kind == "frame" else QUEUE_BYTES + QUEUE_BYTES // 4
-        while self._waiting_bytes + size > room:
+        while self._given_bytes - self._written_bytes + size > room:
             if self._ended is not None or not self._patient or self._closing:
                 self._lost_others += kind != "frame"
                 return False
+            self._work.set()
             time.sleep(WAIT_S)
-        with self._news:
-            if self._ended is None:
-                self._waiting_bytes += size
-                self._queue.append((Told(kind, now_ns, what), size))
-                self._news.notify()
+        if self._ended is None:
+            self._given_bytes += size
+            self._queue.append((Told(kind, now_ns, what), size))
         return True
 
     # --- In the writer's thread -----------------------------------------------------------------
@@ -254,28 +258,30 @@ class Recorder:
             self._end(f"{type(error).__name__}: {error}")
 
     def _write_all(self) -> None:
-        flush_s = time.monotonic() + FLUSH_S
-        while True:
-            with self._news:
-                if not self._queue and not self._closing:
-                    self._news.wait(max(0.0, flush_s - time.monotonic()))
-                told = self._queue.popleft() if self._queue else None
-                done = told is None and self._closing
-            if told is not None:
-                self._writer.write(told[0], self._wall_ns)
-                with self._news:
-                    self._waiting_bytes -= told[1]
-            if time.monotonic() >= flush_s:
-                self._writer.flush()
-                flush_s = time.monotonic() + FLUSH_S
-            if done:
-                return
+        flushed_s = time.monotonic()
+        done = False
+        while not done:
+            self._work.wait(FLUSH_S)
+            self._work.clear()
+            done = self._closing  # what came before it is in the queue
+            while self._queue:
+                told, size = self._queue.popleft()
+                self._writer.write(told, self._wall_ns)
+                self._written_bytes += size
+                flushed_s = self._flush(flushed_s)
+            flushed_s = self._flush(flushed_s)
+
+    def _flush(self, flushed_s: float) -> float:
+        """Bring all that is written into the file, if it is time to; when that was done last."""
+        if time.monotonic() - flushed_s < FLUSH_S:
+            return flushed_s
+        self._writer.flush()
+        return time.monotonic()
 
     def _end(self, why: str) -> None:
         self._ended = why
-        with self._news:
-            self._queue.clear()
-            self._waiting_bytes = 0
+        self._queue.clear()
+        self._written_bytes = self._given_bytes
         self._writer.abandon()
         self._say(f"{self.path}: the recording ends here ({why}); the drive goes on without it")
 
