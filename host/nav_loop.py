@@ -227,6 +227,7 @@ def _drive(
             "versions": versions(),
         }
     if recorder is not None:
+        recorder.close()
         result["recording"] = recorder.summary()
     folder = new_run_folder(RUNS, time.strftime("%Y%m%d-%H%M%S"))
     write_json(result, folder / "result.json")
