@@ -368,7 +368,9 @@ def _summary_rows(result: dict[str, Any]) -> list[tuple[str, str]]:
     rows.append(("stops on the way", str(result["times_stopped"])))
     if "recording" in result:
         made = result["recording"]
-        rows.append(("recording", f"{made['file']}, {made['frames']} pictures, {made['bytes'] / 1e6:.1f} MB"))
+        early = "" if made["ended_early"] is None else f"; ended early: {made['ended_early']}"
+        size = f"{made['frames']} pictures, {made['bytes'] / 1e6:.1f} MB"
+        rows.append(("recording", f"{made['file']}, {size}{early}"))
     if result["times_forgotten"]:
         rows.append(("carried off or slipped", f"{result['times_forgotten']} times: map begun anew"))
     lost = len(result["reconnections"])

@@ -73,6 +73,8 @@ class Writer:
         self._number = 0  # of messages in the file
         self._chunk_bytes = 0
         self._whole_bytes = 0  # of the file up to the last chunk
+        self._frames = 0
+        self.whole_frames = 0  # pictures in it up to there
         self._lens: Lens | None = None
         self._body = BodyConfig()
         self._battery_ns = -BATTERY_NS
@@ -135,6 +137,7 @@ class Writer:
         self._message(
             "/camera/image/compressed", t_ns, ros.compressed_image(stamp_ns, "camera_optical", kind, data)
         )
+        self._frames += 1
         if self._lens is not None:
             info = ros.camera_info(stamp_ns, "camera_optical", self._lens)
             self._message("/camera/camera_info", t_ns, info)
@@ -218,6 +221,7 @@ class Writer:
             self._mcap.flush()
             self._chunk_bytes = 0
             self._whole_bytes = self._file.size
+            self.whole_frames = self._frames
 
     def finish(self, end: dict[str, Any], begun: bool) -> None:
         """Write the last entry and the index, and close; a file that nothing began in stays as it is."""

@@ -194,7 +194,7 @@ class Recorder:
         return {
             "file": str(self.path),
             "bytes": self._writer.size,
-            "frames": self._frames - self._lost_frames,
+            "frames": self._writer.whole_frames,
             "lost_frames": self._lost_frames,
             "lost_entries": self._lost_others,
             "ended_early": self._ended,

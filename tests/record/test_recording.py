@@ -332,6 +332,7 @@ def test_on_a_full_disk_the_recording_ends_with_one_line_and_the_drive_goes_on(t
     assert result["recording"]["ended_early"] == "File too large"
     recording = Recording(tmp_path / "run.mcap")
     assert not recording.closed and 0 < recording.frame_count < result["frames"]
+    assert recording.frame_count == result["recording"]["frames"]
     with open(tmp_path / "run.mcap", "rb") as file:  # other programs can read it as it is
         assert len(list(make_reader(file).iter_messages(topics=["/journal"]))) == recording.entry_count
 
