@@ -174,7 +174,7 @@ def test_a_covered_lens_is_no_camera_that_hangs(capture: Faulty):
     """Its pictures may well be alike; whoever looks at them says that they are black."""
     capture.fault = "shows the inside of its cover"
     camera = LiveCamera(capture, "test")
-    frames = pictures(camera, int(0.4 / PERIOD_S))
+    frames = pictures(camera, int(0.3 / PERIOD_S))
     assert camera.repeated == 0
     assert frames[-1].seq > frames[0].seq
     capture.fault = "is gone"

@@ -22,7 +22,7 @@ sys.path += [str(ROOT / "tests/camera"), str(ROOT / "tests/link")]
 from mjpeg_server import MjpegServer, serving  # noqa: E402
 from plugged_robot import Plug  # noqa: E402
 
-SECONDS = 4.0
+SECONDS = 3.6
 
 
 @pytest.fixture
@@ -50,7 +50,7 @@ def fail(server: MjpegServer, plug: Plug) -> None:
     server.fault = "stalls"
     time.sleep(0.6)
     server.fault = None
-    time.sleep(0.5)
+    time.sleep(0.4)
     plug.put_in(False)
     time.sleep(0.3)
     plug.put_in(True)
