@@ -178,6 +178,9 @@ def look_at_wheels(
             yield part.untried("motors", "the wheels are not up, as you say; --by-hand drives nothing")
             return
     try:
+        if (unready := wheels.check_ready(robot, target.clock)) is not None:
+            yield unready
+            return
         findings, pulses = wheels.check_driven(robot, target.clock, values)
         yield from findings
         if not simulated and all(f.outcome != Outcome.FAIL for f in findings):

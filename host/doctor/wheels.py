@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from host.doctor.finding import Finding, Part
+from host.doctor.finding import Finding, Part, split_error
 from host.doctor.person import Person, says_yes
 from host.errors import DeviceError
 from host.link.clock import Clock
@@ -120,6 +120,15 @@ def pulse(robot: Robot, clock: Clock, left: int, right: int, track_mm: float) ->
     return found
 
 
+def check_ready(robot: Robot, clock: Clock) -> Finding | None:
+    """Why it cannot be driven now; None where it can."""
+    try:
+        _await_ready(robot, clock)
+    except DeviceError as error:
+        return PART.untried("motors", *split_error(error))
+    return None
+
+
 def check_driven(
     robot: Robot, clock: Clock, values: Mapping[Param, int]
 ) -> tuple[list[Finding], list[Pulse]]:
@@ -169,7 +178,7 @@ def _wrong(side: int, one: Pulse) -> tuple[str, str] | None:
         if one.fault in (Fault.NONE, Fault.ENCODER_DEAD, Fault.STALL):
             return (
                 f"told {way}, it does not count" + (f" ({one.fault.name})" if one.fault else ""),
-                f"if it turned: check the {own} encoder's plug and 5 V; if not: motor wires and cells",
+                f"if it turned: check the {own} encoder's plug and 5 V; if not: motor, cells, gear",
             )
         return f"told {way}, the robot stopped itself: {one.fault.name}", FAULTS[one.fault].partition(": ")[2]
     first, direction = one.first
@@ -319,6 +328,8 @@ def check_turned(side: int, before: Telemetry, after: Telemetry) -> Finding:
 
 
 def _await_ready(robot: Robot, clock: Clock) -> None:
+    clock.sleep_s(2 * LOOK_S)
+    robot.poll()
     give_up_s = clock.now_s() + READY_S
     while robot.latest is None or robot.latest.state != State.READY:
         latest = robot.latest

@@ -87,6 +87,7 @@ def test_with_nothing_to_look_at_it_is_told_how_to_name_it(tmp_path: Path, monke
         ({"robot": "/dev/ttyNONE"}, "robot", "does not exist", 4),
         ({"robot": "."}, "robot", "no serial port", 4),
         ({"robot": "sim:nowhere"}, "robot", "write sim:", 4),
+        ({"robot": "sim:?battery_mv=6000"}, "robot", "6.00 V", 4),
         ({"lens": Path("camera.json")}, "calibration", "no such file", 3),
     ],
 )
@@ -98,6 +99,7 @@ def test_what_cannot_be_opened_is_a_finding_and_no_end(tmp_path, monkeypatch, op
     assert "\n" not in failed[0].told + failed[0].fix
     assert by_part(findings)["wheels"][0].outcome == Outcome.UNTRIED
     assert by_part(findings)["timing"]
+    assert exit_code(failed) == code
 
 
 def test_a_lens_for_another_size_than_the_pictures_is_told(tmp_path):

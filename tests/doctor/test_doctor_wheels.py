@@ -10,6 +10,7 @@ import pytest
 
 from host.doctor import wheels
 from host.doctor.finding import Finding, Outcome
+from host.errors import DeviceError
 from host.link.bench.target import Target, open_target
 from host.link.parameters import PARAMETERS
 from host.link.protocol import Drive, Fault
@@ -101,7 +102,7 @@ def test_wheels_wired_as_they_should_pass_and_stand_again(wired):
         ({"encoder_of": {Side.LEFT: None}}, {"left wheel"}, "it does not count", "left encoder's plug"),
         ({"encoder_of": {Side.RIGHT: None}}, {"right wheel"}, "it does not count", "right encoder's plug"),
         ({"encoder_of": dict.fromkeys(Side)}, {"left wheel", "right wheel"}, "does not count", "plug"),
-        ({"motor_of": {Side.LEFT: (Side.LEFT, 0)}}, {"left wheel"}, "it does not count", "motor wires"),
+        ({"motor_of": {Side.LEFT: (Side.LEFT, 0)}}, {"left wheel"}, "it does not count", "if not: motor"),
     ],
 )  # fmt: skip
 def test_each_wrong_wire_is_told_with_its_remedy_and_the_wheels_stand_again(wired, wires, failing, told, fix):
@@ -153,7 +154,10 @@ def test_a_robot_whose_fault_persists_is_not_driven(wired):
     target, robot = wired()
     assert target.rolling is not None
     target.rolling.board.press_estop(True)
-    with pytest.raises(Exception, match="emergency stop button"):
+    found = wheels.check_ready(robot, target.clock)
+    assert found is not None and found.outcome == Outcome.UNTRIED
+    assert "emergency stop button" in found.fix and "release it" in found.fix
+    with pytest.raises(DeviceError, match="emergency stop button"):
         driven(target, robot)
     assert stands(target)
 
