@@ -142,14 +142,18 @@ class _Replay:
 
     def steps(self) -> Iterator[Step]:
         open_call: str | None = None
-        for entry in self._recording.journal():
+        journal = self._recording.journal()
+        for entry in journal:
             if entry["do"] in ("take", "decide"):
                 open_call = entry["do"]
             try:
                 if not self._follow(entry):
                     return
             except _Failed as failure:
-                yield self._failed(str(failure))
+                if any(later["do"] in ("made", "decided") for later in journal):
+                    yield self._failed(str(failure))
+                else:
+                    self._tally.notes.append(f"the program fails here, where it ended live too: {failure}")
                 return
             if entry["do"] == "made" and self._view is not None:
                 yield self._made(entry, self._view)
@@ -218,8 +222,8 @@ class _Replay:
         return Step(self._frame["frame"], self._time_s(), None, self._pilot.map, was, found)
 
     def _failed(self, why: str) -> Step:
-        """The replay is over: the program fails where it did not, or fails again."""
-        found = (self._difference("command", "a command, or the same failure", why),)
+        """The replay is over: the program fails where it did not."""
+        found = (self._difference("command", "a command", why),)
         self._tally.notes.append("the replay ends where the program failed")
         return Step(self._frame["frame"], self._time_s(), None, self._pilot.map, {}, found)
 

@@ -6,17 +6,35 @@ import json
 import os
 import subprocess
 import sys
+from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
+from mcap.writer import Writer as McapWriter
 
-from host.config import config_text
+from host.camera.frame import Frame
+from host.camera.lens import Lens
+from host.config import Config, config_text
 from host.depth.estimator import Estimator
 from host.errors import InputError
-from host.nav.pilot import Pilot
+from host.link.clock import SystemClock
+from host.link.robot import Robot
+from host.link.transport import Transport
+from host.nav.drive import drive
+from host.nav.odometry import WheelReading
+from host.nav.pilot import Pilot, View
+from host.nav.result import DriveLog
+from host.nav.task import Explore
+from host.record import ros
+from host.record.journal import FORMAT, lens_as_dict
 from host.record.mcap_reader import Recording
+from host.record.mcap_writer import Told, Writer
+from host.record.recorder import Recorder
 from host.record.replayed import Tally, replay
+from host.sim.board import Line
+from host.sim.session import Simulation
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -125,6 +143,117 @@ def test_a_picture_that_decodes_otherwise_is_named_as_the_first_thing(recorded_d
     tally = tally_of(recording)
     assert tally.first is not None and (tally.first.part, tally.first.frame) == ("picture", number)
     assert tally.pictures_different == 1  # the pixels were the same, so all that follows is
+
+
+class TroubledCamera:
+    """Black pictures for a while; later the robot's board restarts."""
+
+    def __init__(self, simulation: Simulation) -> None:
+        self._simulation, self.lens = simulation, simulation.camera.lens
+        self._restarted = False
+
+    def read(self, timeout_s: float) -> Frame | None:
+        frame, now_s = self._simulation.camera.read(timeout_s), self._simulation.clock.now_s()
+        if now_s > 1.6 and not self._restarted:
+            self._restarted = True
+            self._simulation.board.reset()
+        assert frame is not None
+        return replace(frame, image=np.zeros_like(frame.image)) if 0.7 < now_s < 0.9 else frame
+
+    def close(self) -> None:
+        pass
+
+
+def test_a_drive_in_which_much_goes_wrong_is_the_same_again_too(tmp_path):
+    simulation, config = Simulation("sim:room?seed=5&rough=1"), Config()
+    clock, path = simulation.clock, tmp_path / "run.mcap"
+    with Recorder(path) as recorder:
+
+        def line() -> Transport:
+            return recorder.line(Line(simulation.board), clock)
+
+        with Robot(line(), clock, line) as robot:
+            robot.connect()
+            pilot = recorder.pilot(clock, simulation.world.lens, Explore(), config, {})
+
+            def on_view(view: View, log: DriveLog) -> None:
+                recorder.drove(view, log, robot)
+                if log.frames == 36:
+                    pilot.forget()
+
+            drive(
+                TroubledCamera(simulation), robot, clock, pilot, config.nav, 3.0, 600.0, on_view,
+                on_refusal=lambda frame, why, log: recorder.refused(frame, why, log, robot),
+            )  # fmt: skip
+    recording = Recording(path)
+    done = Counter(entry["do"] for entry in recording.journal())
+    assert done["forget"] and done["restarted"] and done["refused"] and done["decided"]
+    assert done["take"] < done["frame"] == recording.frame_count
+    texts = " ".join(event.text for event in recording.events())
+    assert "picture is black" in texts and "connected again" in texts
+    tally = tally_of(recording)
+    assert tally.same and (tally.pictures, tally.commands) == (done["made"], done["decided"])
+
+
+def test_a_failure_that_ended_the_drive_fails_again_and_is_told_as_such(tmp_path, monkeypatch):
+    def failing(self, snapshot, pose):
+        raise ZeroDivisionError("nothing to divide by")
+
+    monkeypatch.setattr(Estimator, "update", failing)
+    lens = Lens(64, 48, 60.0, 60.0, 31.5, 23.5)
+    picture = Frame(np.random.default_rng(1).integers(0, 256, (48, 64, 3), np.uint8), 0.1, 4)
+    with pytest.raises(ZeroDivisionError), Recorder(tmp_path / "run.mcap") as recorder:
+        pilot = recorder.pilot(SystemClock(), lens, Explore(), Config(), {})
+        pilot.hear(WheelReading(0.05, 0, 0, None, None))
+        pilot.hear(WheelReading(0.15, 0, 0, None, None))
+        pilot.take(picture, 0.2)
+    tally = tally_of(Recording(tmp_path / "run.mcap"))
+    assert tally.same and tally.pictures == 0
+    (note,) = tally.notes
+    assert "fails here, where it ended live too: ZeroDivisionError: nothing to divide by" in note
+    monkeypatch.undo()
+    tally = tally_of(Recording(tmp_path / "run.mcap"))
+    assert tally.notes == ["the recording ends while picture 0 was being worked on"]
+
+
+def written(path: Path, begin: dict, toml: str, *entries: dict) -> Path:
+    writer, body = Writer(path), Config().body
+    lens = Lens(64, 48, 60.0, 60.0, 31.5, 23.5)
+    base = {"do": "begin", "format": FORMAT, "lens": lens_as_dict(lens), "task": {"kind": "explore"}}
+    writer.write(Told("begin", 0, (base | begin, toml, lens, body)), 0)
+    for entry in entries:
+        writer.write(Told("entry", 0, entry), 0)
+    writer.finish({"do": "end"}, begun=True)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("begin", "toml", "entries", "says"),
+    [
+        ({"format": 99}, "[nav]", (), "a recording of format 99, here 1 is read"),
+        ({"lens": {"width": 3}}, "[nav]", (), "its lens cannot be understood"),
+        ({"task": {"kind": "dance"}}, "[nav]", (), "task 'dance' is not known here"),
+        ({}, "[nav]\nwings = 2", (), "recorded by a program with other settings .*unknown key nav.wings"),
+        ({}, "[nav]", ({"do": "hear", "t_s": 1.0},), "an entry of its journal cannot be followed"),
+    ],
+)
+def test_recordings_of_other_programs_are_told_in_one_line(tmp_path, begin, toml, entries, says):
+    path = written(tmp_path / "run.mcap", begin, toml, *entries)
+    with pytest.raises(InputError, match=says) as told:
+        tally_of(Recording(path))
+    assert "\n" not in str(told.value)
+
+
+def test_an_mcap_file_of_something_else_is_told_as_such(tmp_path):
+    with open(tmp_path / "bag.mcap", "wb") as file:
+        writer = McapWriter(file)
+        writer.start(profile="ros2")
+        schema = writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data")
+        channel = writer.register_channel("/chatter", "cdr", schema)
+        writer.add_message(channel, 0, ros.string("hello"), 0)
+        writer.finish()
+    with pytest.raises(InputError, match="is MCAP, but no recording of a drive"):
+        Recording(tmp_path / "bag.mcap")
 
 
 @pytest.mark.parametrize(
