@@ -102,11 +102,12 @@ class FloorFinder:
         """Where regions that are floor and wall in one end to be floor."""
         of_column = np.minimum(np.arange(picture.shape[0]) // STRIP, len(strips) - 1)
         bottom_rgb = strips[:, :WINDOW].mean(axis=1)[of_column]
-        below = picture.ids[picture.labels[:, 0]]
-        sure = np.isin(below, [i for i, vote in self._votes.items() if vote > 0.4 and i not in self._mixed])
+        ids = picture.ids.tolist()
+        proven = [self._votes.get(i, 0.0) > 0.4 and i not in self._mixed for i in ids]
+        sure = np.array(proven)[picture.labels[:, 0]]
         if self._mixed:
             horizon = (picture.rays.down > self._height_cm / FARTHEST_CM).sum(axis=1)
-            mine = np.isin(picture.ids, list(self._mixed))[picture.labels]
+            mine = np.array([i in self._mixed for i in ids])[picture.labels]
             ends = np.where(mine.all(axis=1), mine.shape[1], mine.argmin(axis=1))
             self.foot = find_foot(strips, mine, np.minimum(horizon, ends - OUTLINE_PX - WINDOW))
             up_to_thing = (self.foot < 0) & (ends > 0) & (ends < horizon)

@@ -266,7 +266,7 @@ def aims_of(a: _Points, pose: Pose, lens: Lens) -> tuple[np.ndarray, np.ndarray]
     """Which points of one picture can be seen from a pose, (N,) bool, and at which rays there, (N, 2)."""
     shift = a.pose.position_cm - pose.position_cm
     points = a.xyz_cm.copy()
-    if float(np.linalg.norm(shift)) < TURN_ONLY_CM:  # how far away things are hardly matters then
+    if math.hypot(*shift) < TURN_ONLY_CM:  # how far away things are hardly matters then
         unknown = ~np.isfinite(points[:, 2])
         points[unknown] = 1e4 * np.column_stack([a.rays[unknown], np.ones(unknown.sum())])
     there = (points @ a.pose.rotation.T + shift) @ pose.rotation

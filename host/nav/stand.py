@@ -106,11 +106,11 @@ class Feet:
         heading = heading_of(pose)
         self._ahead = math.sin(heading), math.cos(heading)
         self._from = float(pose.position_cm[0]), float(pose.position_cm[2])
-        self._seen, self._below = _by_region(self.region, ~self.cut), _by_region(self.region, self.cut)
+        self._columns = _by_key(2 * self.region + self.cut)
 
     def columns_of(self, region: int) -> tuple[np.ndarray, np.ndarray]:
         """Columns in which a region's foot is seen, and in which it is below the image."""
-        return self._seen.get(region, NO_COLUMNS), self._below.get(region, NO_COLUMNS)
+        return self._columns.get(2 * region, NO_COLUMNS), self._columns.get(2 * region + 1, NO_COLUMNS)
 
     def width_cm(self, columns: np.ndarray, depth_cm: float) -> float:
         """Width of what spans these columns at a depth."""
@@ -124,13 +124,12 @@ class Feet:
         return x + depth_cm * sine + side * cosine, z + depth_cm * cosine - side * sine
 
 
-def _by_region(region: np.ndarray, mask: np.ndarray) -> dict[int, np.ndarray]:
-    """The columns of a mask for every region, in order."""
-    columns = np.flatnonzero(mask)
-    columns = columns[np.argsort(region[columns], kind="stable")]
-    ids = region[columns]
-    ends = [*(np.flatnonzero(ids[1:] != ids[:-1]) + 1).tolist(), len(ids)]
-    return {int(ids[a]): columns[a:b] for a, b in pairwise([0, *ends]) if b > a}
+def _by_key(keys: np.ndarray) -> dict[int, np.ndarray]:
+    """Where each key is, in order."""
+    order = keys.argsort(kind="stable")
+    ordered = keys[order]
+    ends = [0, *((ordered[1:] != ordered[:-1]).nonzero()[0] + 1).tolist(), len(keys)]
+    return {key: order[a:b] for key, (a, b) in zip(ordered[ends[:-1]].tolist(), pairwise(ends), strict=True)}
 
 
 def stand_of(
@@ -160,12 +159,12 @@ def stand_of(
             return None
         z, sigma, how = measured
         front = z - (MEAN_TO_FRONT * feet.width_cm(covered, z) if front_cm is None else front_cm)
-        if not mostly_cut or front <= float(feet.depth_cm[cut].mean()):
+        if not mostly_cut or front <= _mean(feet.depth_cm[cut]):
             return Standing(region_id, covered, np.full(len(covered), front), z, sigma, how, FAIR)
     if len(cut) < LEAST_COLUMNS:
         return None
     depth = feet.depth_cm[cut]
-    mean = float(depth.mean())
+    mean = _mean(depth)
     return Standing(region_id, cut, depth, mean, 0.25 * mean, AT_BORDER, FAINT)
 
 
@@ -180,11 +179,15 @@ def _is_straight_wall(feet: Feet, columns: np.ndarray, covered: np.ndarray) -> b
 
 def _straight_line(columns: np.ndarray, slopes: np.ndarray) -> tuple[float, float] | None:
     """Offset and rise of the line through slopes over columns; None where they do not lie on one."""
-    middle, mean = float(columns.mean()), float(slopes.mean())
+    middle, mean = _mean(columns), _mean(slopes)
     away, off = columns - middle, slopes - mean
     rise = float(away @ off) / float(away @ away)
     off -= rise * away
     return (mean - rise * middle, rise) if math.sqrt(float(off @ off) / len(off)) < STRAIGHT else None
+
+
+def _mean(values: np.ndarray) -> float:
+    return float(values.sum()) / len(values)  # what np.mean does, in half the time
 
 
 def quantile(ordered: np.ndarray, part: float) -> float:
@@ -206,7 +209,7 @@ def _on_its_feet(
     ordered = np.sort(slopes)
     nearest = quantile(ordered, 0.9)
     wall = feet.width_cm(covered, feet.height_cm / nearest) > WALL_CM
-    foot_slope = float(slopes.mean()) if wall else nearest
+    foot_slope = _mean(slopes) if wall else nearest
     slope, sigma, how, weight = _agreed(foot_slope, measured, feet.height_cm)
     z = feet.height_cm / slope
     sigma_cm = sigma * z**2 / feet.height_cm
