@@ -97,9 +97,13 @@ def main() -> None:
     table.add_column("python -m")
     table.add_column("processor", justify="right")
     table.add_column("clock", justify="right")
-    times = []
+    times, silent = [], []
     for command in chosen:
-        times.append(time_help(command, options.rounds))
+        try:
+            times.append(time_help(command, options.rounds))
+        except UsageError as error:
+            silent.append(str(error))
+            continue
         late = times[-1].processor_s > WANTED_S
         table.add_row(
             command,
@@ -111,6 +115,8 @@ def main() -> None:
     slow = sum(one.processor_s > WANTED_S for one in times)
     print(f"{slow} of {len(times)} take more than {WANTED_S:g} s of processor time")
     write_json(options.json, {one.command: vars(one) for one in times})
+    if silent:
+        raise UsageError("; ".join(silent))
 
 
 if __name__ == "__main__":

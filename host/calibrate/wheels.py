@@ -29,7 +29,8 @@ from host.link.parameters import PARAMETERS, Param
 from host.link.ports import RobotPort
 from host.link.protocol import State, Telemetry
 from host.link.robot import Robot
-from host.sim.rolling import RollingRobot, is_simulated, open_rolling
+from host.sim.kinds import is_simulated
+from host.sim.rolling import RollingRobot, open_rolling
 
 LOOK_S = 0.01
 SETTLED_S = 0.3  # standing for so long, the robot rolls no further

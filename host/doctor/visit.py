@@ -232,7 +232,7 @@ def look_at_timing(config: Config, known: Known) -> Iterator[Finding]:
 
 
 def _simulated(robot: str) -> bool:
-    from host.sim.rolling import is_simulated
+    from host.sim.kinds import is_simulated
 
     return is_simulated(robot)
 

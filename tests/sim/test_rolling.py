@@ -10,7 +10,8 @@ import pytest
 
 from host.errors import UsageError
 from host.link.robot import Robot
-from host.sim.rolling import OPTIONS, is_simulated, open_rolling, parse_uri
+from host.sim.kinds import is_simulated
+from host.sim.rolling import OPTIONS, open_rolling, parse_uri
 
 
 def test_a_plain_uri_is_the_ordinary_body() -> None:

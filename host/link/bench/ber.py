@@ -15,7 +15,7 @@ from host.link.bench.verdict import Finding, Grade, Verdict, judge, one_in, quan
 from host.link.bench.witness import Evidence, Witness, without_rtt
 from host.link.protocol import State
 from host.link.robot import Robot
-from host.sim.rolling import is_simulated
+from host.sim.kinds import is_simulated
 
 INJECTED = (0.0, 1e-6, 1e-5, 1e-4, 1e-3)
 STEP_S = 0.005

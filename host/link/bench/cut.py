@@ -19,7 +19,7 @@ from host.link.bench.verdict import Finding, Grade, Verdict
 from host.link.protocol import Fault, State, Telemetry
 from host.link.robot import Robot
 from host.sim.board import Side
-from host.sim.rolling import is_simulated
+from host.sim.kinds import is_simulated
 
 BRAKING_MS = 200.0  # the promise, from the last command obeyed
 STANDING_MS = 400.0

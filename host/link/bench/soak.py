@@ -44,7 +44,7 @@ from host.link.protocol import (
 )
 from host.link.robot import Robot
 from host.sim.board import Side
-from host.sim.rolling import is_simulated
+from host.sim.kinds import is_simulated
 
 STEP_S = 0.005
 EPISODE_S = 6.0  # the line is as bad as chance makes it for so long, then anew

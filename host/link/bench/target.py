@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from host.errors import UsageError
 from host.link.bench.tap import Tap
@@ -12,7 +13,10 @@ from host.link.clock import Clock, SystemClock
 from host.link.faults import FaultyLine
 from host.link.ports import RobotPort
 from host.link.transport import Transport
-from host.sim.rolling import RollingRobot, is_simulated, open_rolling
+from host.sim.kinds import is_simulated
+
+if TYPE_CHECKING:  # so that --help need not wait for the simulator
+    from host.sim.rolling import RollingRobot
 
 
 @dataclass(frozen=True)
@@ -47,6 +51,8 @@ def open_target(uri: str, *, seed: int = 0) -> Iterator[Target]:
     UsageError, DeviceError
         As the simulated robot and the serial port say.
     """
+    from host.sim.rolling import open_rolling
+
     rolling = open_rolling(uri) if is_simulated(uri) else None
     clock: Clock = SystemClock() if rolling is None else rolling.clock
     port = RobotPort(uri)
