@@ -11,13 +11,16 @@ NATIVE := CMakeLists.txt pyproject.toml $(wildcard firmware/src/*.[ch] host/*/*_
 drive: build/ready
 	$(RUN) host/nav_loop.py --view
 
-test: build/ready
+test: build/ready-for-tests
 	$(RUN) -m pytest
 
 setup: build/ready
 
 build/ready: tools/setup $(NATIVE)
 	@PYTHON=$(PYTHON) tools/setup
+
+build/ready-for-tests: build/ready
+	@PYTHON=$(PYTHON) tools/setup tests
 
 # The ATmega's program, and the simulator that runs it: both need tools/setup_avr once.
 firmware:
@@ -29,7 +32,7 @@ flash: build/ready
 	$(RUN) tools/flash_firmware.py "$(PORT)" --board $(BOARD)
 
 # What it takes of the processor, measured in the simulator, and a million edges counted; fails above what it may take.
-budget: build/ready
+budget: build/ready-for-tests
 	$(RUN) tools/firmware_budget.py
 	EDGES=1000000 $(RUN) -m pytest tests/firmware/avr/test_avr_counting.py
 
