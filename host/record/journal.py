@@ -38,6 +38,7 @@ from host.pose import Pose
 from host.rbdn.snapshot import Snapshot
 
 FORMAT = 1
+LIBRARY = "rbdn-robot"  # who wrote the file, in its head
 
 Entry = dict[str, Any]
 

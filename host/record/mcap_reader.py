@@ -22,8 +22,8 @@ import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, Chunk, DataEnd, Message
-from mcap.stream_reader import breakup_chunk
+from mcap.records import Channel, Chunk
+from mcap.stream_reader import get_chunk_data_stream
 from mcap.writer import MCAP0_MAGIC
 
 from host.camera.frame import Frame
@@ -33,9 +33,11 @@ from host.config import Config, parse_config
 from host.errors import InputError, UsageError
 from host.record import ros
 from host.record.image_file import JPEG_SIGNATURE
-from host.record.journal import FORMAT, Entry, lens_of
+from host.record.journal import FORMAT, LIBRARY, Entry, lens_of
 
 HEAD = struct.Struct("<BQ")  # of a record: what it is, how long
+MESSAGE = struct.Struct("<HIQQ")  # before a message's data: channel, number, two times
+NOTABLE = tuple(f'{{"do":"{what}"' for what in ("begin", "frame", "end"))  # entries that opening looks at
 LONGEST_CHUNK = 1 << 30
 NOT_READABLE = (McapError, ValueError, KeyError, TypeError, struct.error, zstandard.ZstdError, MemoryError)
 REMEDY = "copy it again from where it was made"
@@ -46,6 +48,13 @@ class Said(NamedTuple):
 
     topic: str
     t_ns: int  # wall clock
+    data: bytes
+
+
+class _Message(NamedTuple):
+    channel: int
+    number: int
+    t_ns: int
     data: bytes
 
 
@@ -125,12 +134,16 @@ class Recording:
         self.path = path
         self._chunks: list[tuple[int, int]] = []  # place and length in the file
         self._places: dict[int, tuple[int, int]] = {}  # of pictures: chunk, message in it
-        self._held: tuple[int, list[Message]] | None = None  # the chunk that was read last
+        self._held: tuple[int, list[_Message]] | None = None  # the chunk that was read last
         self._topics: dict[int, str] = {}
         self.begin: Entry = {}
         self.toml = ""
         self.closed = False
         self.entry_count = 0
+        self.duration_s = 0.0
+        self._messages = 0
+        self._first_ns: int | None = None
+        self._pending: Entry | None = None  # of the picture that comes next
         self._wall_ns: int | None = None  # wall clock less host clock
         try:
             with open(path, "rb") as file:
@@ -177,9 +190,9 @@ class Recording:
         """The messages of some topics, or all of them, in the order in which they were recorded."""
         for index in range(len(self._chunks)):
             for message in self._chunk(index):
-                topic = self._topics[message.channel_id]
+                topic = self._topics[message.channel]
                 if not topics or topic in topics:
-                    yield Said(topic, message.log_time, message.data)
+                    yield Said(topic, message.t_ns, message.data)
 
     def journal(self) -> Iterator[Entry]:
         """What the pilot was told and made of it; `host.record.journal` says what the entries hold."""
@@ -216,71 +229,66 @@ class Recording:
         _, _, file = ros.read_compressed_image(self._chunk(chunk)[place].data)
         return RecordedFrame(entry["frame"], entry["seq"], entry["t_s"], entry["pixels"], file)
 
-    def _chunk(self, index: int) -> list[Message]:
+    def _chunk(self, index: int) -> list[_Message]:
         if self._held is None or self._held[0] != index:
             place, length = self._chunks[index]
             try:
                 with open(self.path, "rb") as file:
                     file.seek(place)
-                    records = _unpack(file.read(length))
+                    _, messages = _unpack(file.read(length))
             except (OSError, *NOT_READABLE):
                 raise InputError(f"{self.path}: changed while it was read; read it again") from None
-            self._held = index, [record for record in records if isinstance(record, Message)]
+            self._held = index, messages
         return self._held[1]
 
     # --- At opening -----------------------------------------------------------------------------
 
     def _look_through(self, file: IO[bytes], size: int) -> None:
+        """Find the chunks, and note what is in them; where the file was cut, up to there."""
         if file.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
             what = "is empty" if size == 0 else "is no MCAP file, or its beginning is damaged"
             raise InputError(f"{self.path}: {what}; give a recording made with --record")
-        at, sums, number = len(MCAP0_MAGIC), zlib.crc32(MCAP0_MAGIC), 0
-        first_ns = last_ns = None
-        pending: Entry | None = None  # of the picture that comes next
-        while True:
+        at, sums, kind = len(MCAP0_MAGIC), zlib.crc32(MCAP0_MAGIC), 0
+        while kind != Opcode.DATA_END and at + HEAD.size <= size:
             head = file.read(HEAD.size)
-            kind, length = HEAD.unpack(head) if len(head) == HEAD.size else (0, 0)
-            if len(head) < HEAD.size or at + HEAD.size + length > size:
+            kind, length = HEAD.unpack(head)
+            if at + HEAD.size + length > size:
                 break
             body = file.read(length)
+            if kind == Opcode.HEADER and LIBRARY.encode() not in body:
+                raise self._foreign()
             if kind == Opcode.CHUNK:
-                try:
-                    records = _unpack(body)
-                except NOT_READABLE as error:
-                    raise self._damaged(at, str(error)) from None
-                messages: list[Message] = []
-                for record in records:
-                    if isinstance(record, Channel):
-                        self._topics[record.id] = record.topic
-                    elif isinstance(record, Message):
-                        if record.sequence != number & 0xFFFF_FFFF or record.channel_id not in self._topics:
-                            raise self._damaged(at, "messages are missing before it")
-                        number += 1
-                        first_ns = record.log_time if first_ns is None else first_ns
-                        last_ns = record.log_time
-                        pending = self._index(record, len(messages), pending, at)
-                        messages.append(record)
-                self._chunks.append((at + HEAD.size, length))
+                self._take_chunk(body, at)
             elif kind == Opcode.DATA_END:
-                told = DataEnd.read(ReadDataStream(BytesIO(body))).data_section_crc
-                if told not in (0, sums):
+                if int.from_bytes(body[:4], "little") not in (0, sums):
                     raise self._damaged(at, "the checksum of all before it does not match")
-                break
-            elif not Opcode.HEADER <= kind <= Opcode.DATA_END:
+            elif not Opcode.HEADER <= kind < Opcode.DATA_END:
                 raise self._damaged(at, f"there is no record of kind {kind}")
             sums = zlib.crc32(body, zlib.crc32(head, sums))
             at += HEAD.size + length
-        else:
-            raise AssertionError
-        self.duration_s = 0.0 if first_ns is None or last_ns is None else 1e-9 * (last_ns - first_ns)
-        if not self.closed and kind != Opcode.DATA_END:
-            file.seek(max(0, size - len(MCAP0_MAGIC)))
-            if file.read() == MCAP0_MAGIC and size > at:
-                raise self._damaged(at, "a record reaches beyond the end of the file")
+        file.seek(max(0, size - len(MCAP0_MAGIC)))
+        if kind != Opcode.DATA_END and size > at and file.read() == MCAP0_MAGIC:
+            raise self._damaged(at, "a record reaches beyond the end of the file")
 
-    def _index(self, message: Message, place: int, pending: Entry | None, at: int) -> Entry | None:
-        """Note what a message is; the entry of the picture that comes with the next one, if one does."""
-        topic = self._topics[message.channel_id]
+    def _take_chunk(self, body: bytes, at: int) -> None:
+        try:
+            topics, messages = _unpack(body)
+            self._topics |= topics
+            for place, message in enumerate(messages):
+                if message.number != self._messages & 0xFFFF_FFFF:
+                    raise ValueError("messages are missing before it")
+                self._messages += 1
+                self._first_ns = message.t_ns if self._first_ns is None else self._first_ns
+                self.duration_s = 1e-9 * (message.t_ns - self._first_ns)
+                self._index(message, place)
+        except NOT_READABLE as error:
+            raise self._damaged(at, str(error)) from None
+        self._chunks.append((at + HEAD.size, len(body)))
+
+    def _index(self, message: _Message, place: int) -> None:
+        """Note what a message is; a picture belongs to the entry right before it."""
+        pending, self._pending = self._pending, None
+        topic = self._topics[message.channel]
         if topic == "/camera/image/compressed" and pending is not None:
             self._places[pending["frame"]] = len(self._chunks), place
             if self._wall_ns is None:
@@ -290,26 +298,23 @@ class Recording:
             self.toml = ros.read_string(message.data)
         elif topic == "/journal":
             self.entry_count += 1
-            try:
-                entry = json.loads(ros.read_string(message.data))
-                match entry["do"]:
-                    case "begin":
-                        self.begin = entry
-                    case "frame":
-                        return entry
-                    case "end":
-                        self.closed = True
-            except NOT_READABLE:
-                raise self._damaged(at, "the journal cannot be understood") from None
-        return None
+            text = ros.read_string(message.data)
+            if not text.startswith(NOTABLE):
+                return
+            entry = json.loads(text)
+            match entry["do"]:
+                case "begin":
+                    self.begin = entry
+                case "frame":
+                    self._pending = entry
+                case "end":
+                    self.closed = True
 
     def _understand(self) -> None:
         if not self._chunks:
             raise InputError(f"{self.path}: nothing was recorded, or it was cut off before the first second")
         if not self.begin or not self.toml:
-            raise InputError(
-                f"{self.path}: is MCAP, but no recording of a drive; give one made with --record"
-            )
+            raise self._foreign()
         if self.begin.get("format") != FORMAT:
             raise InputError(
                 f"{self.path}: a recording of format {self.begin.get('format')}, here {FORMAT} is read; "
@@ -320,13 +325,29 @@ class Recording:
         except NOT_READABLE:
             raise InputError(f"{self.path}: its lens cannot be understood; {REMEDY}") from None
 
+    def _foreign(self) -> InputError:
+        return InputError(f"{self.path}: is MCAP, but no recording of a drive; give one made with --record")
+
     def _damaged(self, at: int, why: str) -> InputError:
         return InputError(f"{self.path}: damaged at byte {at} ({why}); {REMEDY}")
 
 
-def _unpack(body: bytes) -> list:
-    """The records in a chunk whose checksum is right."""
+def _unpack(body: bytes) -> tuple[dict[int, str], list[_Message]]:
+    """(topics by channel, messages) in a chunk whose checksum is right."""
     chunk = Chunk.read(ReadDataStream(BytesIO(body)))
     if chunk.uncompressed_size > LONGEST_CHUNK:
         raise ValueError("a chunk is too long")
-    return breakup_chunk(chunk, validate_crc=True)
+    stream, size = get_chunk_data_stream(chunk, validate_crc=True)
+    data, at = stream.read(size), 0
+    topics: dict[int, str] = {}
+    messages: list[_Message] = []
+    while at < size:
+        kind, length = HEAD.unpack_from(data, at)
+        begin, at = at + HEAD.size, at + HEAD.size + length
+        if kind == Opcode.MESSAGE:
+            channel, number, t_ns, _ = MESSAGE.unpack_from(data, begin)
+            messages.append(_Message(channel, number, t_ns, data[begin + MESSAGE.size : at]))
+        elif kind == Opcode.CHANNEL:
+            one = Channel.read(ReadDataStream(BytesIO(data[begin:at])))
+            topics[one.id] = one.topic
+    return topics, messages

@@ -28,7 +28,7 @@ from host.nav.odometry import body_of
 from host.nav.pilot import View
 from host.pose import Pose
 from host.record import ros
-from host.record.journal import command_as_dict, made_as_dict, place_of, reading_as_dict
+from host.record.journal import LIBRARY, command_as_dict, made_as_dict, place_of, reading_as_dict
 
 CHUNK_BYTES = 4_000_000  # a chunk is closed at the next message beyond
 WHOLE_CHUNK = 1 << 40  # the library is never to close one by itself, amid a message's other half
@@ -205,7 +205,7 @@ class Writer:
             self.flush()
 
     def _open_channels(self) -> None:
-        self._mcap.start(profile="ros2", library="rbdn-robot")
+        self._mcap.start(profile="ros2", library=LIBRARY)
         schemas = {
             name: self._mcap.register_schema(name, "ros2msg", text.encode())
             for name, text in ros.DEFINITIONS.items()

@@ -259,7 +259,9 @@ def test_a_file_cut_anywhere_is_whole_up_to_there_or_told_to_be_empty(small, tmp
 def test_a_flipped_bit_anywhere_is_noticed_or_of_no_effect(small, tmp_path):
     data, whole = small.read_bytes(), content(small)
     path, rng, noticed = tmp_path / "flipped.mcap", np.random.default_rng(2), 0
-    for at, bit in zip(rng.integers(0, len(data), 250).tolist(), itertools.cycle(range(8)), strict=False):
+    heads = [end + by for end in record_ends(data)[:-1] for by in range(10)]  # kinds and lengths
+    places = [*heads, *rng.integers(0, len(data), 200).tolist()]
+    for at, bit in zip(places, itertools.cycle(range(8)), strict=False):
         flipped = bytearray(data)
         flipped[at] ^= 1 << bit
         path.write_bytes(flipped)

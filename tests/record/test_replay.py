@@ -250,7 +250,8 @@ def test_an_mcap_file_of_something_else_is_told_as_such(tmp_path):
         writer.start(profile="ros2")
         schema = writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data")
         channel = writer.register_channel("/chatter", "cdr", schema)
-        writer.add_message(channel, 0, ros.string("hello"), 0)
+        for k in range(3):
+            writer.add_message(channel, k, ros.string("hello"), k)
         writer.finish()
     with pytest.raises(InputError, match="is MCAP, but no recording of a drive"):
         Recording(tmp_path / "bag.mcap")
