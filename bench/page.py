@@ -14,26 +14,21 @@ import threading
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bench.browser import Browser, Tab, chromium, program
 from bench.figures_file import check_json, write_json
 from bench.figures_table import print_figures
 from bench.options import at_least
 from host.config import read_options
 from host.errors import UsageError, run_command
-from host.link.clock import SystemClock
-from host.link.robot import Robot
-from host.link.serial_port import SerialPort
 from host.nav.config import BodyConfig, NavConfig
-from host.nav.drive import drive
-from host.nav.pilot import Pilot
-from host.nav.task import MeasureOnly, Route
-from host.sim.board import Side
-from host.sim.session import Simulation
-from host.view.page.server import LivePage
+
+if TYPE_CHECKING:  # so that --help need not wait for all of it
+    from bench.browser import Browser, Tab
+    from host.nav.pilot import Pilot
+    from host.sim.session import Simulation
 
 ROOT = Path(__file__).resolve().parents[1]
 CAMERA = "sim:room?seed=1"
@@ -76,6 +71,8 @@ class PageOptions:
 
 def main() -> None:
     """The command."""
+    from bench.browser import chromium, program
+
     options = read_options(PageOptions)
     at_least("seconds", options.seconds, 3)
     at_least("presses", options.presses, 1)
@@ -143,6 +140,11 @@ def _nav_loop(folder: str, seconds: float, *more: str) -> subprocess.Popen[str]:
 
 def pay(browser: Browser, seconds: float) -> dict[str, float]:
     """What a picture costs the loop's thread; and its frame time without a page and with one."""
+    from host.link.robot import Robot
+    from host.nav.drive import drive
+    from host.sim.session import Simulation
+    from host.view.page.server import LivePage
+
     medians = {}
     with tempfile.TemporaryDirectory() as folder:
         for name, more in (("alone", ()), ("watched", ("--view", "--view-port", "0"))):
@@ -184,6 +186,8 @@ def pay(browser: Browser, seconds: float) -> dict[str, float]:
 
 def _pilot(simulation: Simulation, *, drives: bool = False) -> Pilot:
     from host.depth.config import DepthConfig
+    from host.nav.pilot import Pilot
+    from host.nav.task import MeasureOnly, Route
     from host.rbdn import NetConfig
 
     task = Route([simulation.world.goal_cm]) if drives else MeasureOnly()
@@ -202,6 +206,12 @@ def stop_free(browser: Browser, presses: int) -> dict[str, float]:
 
 
 def _stopped_drive(browser: Browser, way: str) -> dict[str, float]:
+    from host.link.robot import Robot
+    from host.nav.drive import drive
+    from host.sim.board import Side
+    from host.sim.session import Simulation
+    from host.view.page.server import LivePage
+
     simulation = Simulation(CAMERA, real_time=True)
     robot = Robot(simulation.transport, simulation.clock)
     robot.connect()
@@ -262,6 +272,11 @@ def stop_busy(browser: Browser, presses: int) -> dict[str, float]:
 
 
 def _stopped_robot(browser: Browser, way: str) -> float:
+    from host.link.clock import SystemClock
+    from host.link.robot import Robot
+    from host.link.serial_port import SerialPort
+    from host.view.page.server import LivePage
+
     command = [sys.executable, "-m", "host.sim.serve", "sim:", "--world", CAMERA]
     process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True)
     over = threading.Event()
