@@ -71,12 +71,12 @@ class PageOptions:
 
 def main() -> None:
     """The command."""
-    from bench.browser import chromium, program
-
     options = read_options(PageOptions)
     at_least("seconds", options.seconds, 3)
     at_least("presses", options.presses, 1)
     check_json(options.json)
+    from bench.browser import chromium, program
+
     if program() is None:
         raise UsageError("chromium is not installed: apt-get install chromium")
     with chromium() as browser:
