@@ -125,11 +125,12 @@ def look_at_robot(options: DoctorOptions, person: Person, known: Known) -> Itera
     if not simulated and uri != "auto" and (missing := checks.check_port(uri)) is not None:
         yield from (missing, unseen)
         return
-    seen = False
+    seen, what = False, "port"
     try:
         with open_target(uri) as target:
             robot = Robot(target.near, target.clock)
             yield part.ok("port", "simulated" if simulated else f"{target.uri} opens")
+            what = "link"
             hello, finding = checks.connect(target, robot)
             yield finding
             if hello is not None:
@@ -146,7 +147,7 @@ def look_at_robot(options: DoctorOptions, person: Person, known: Known) -> Itera
                     seen = True
                     yield from look_at_wheels(options, person, target, robot, simulated, known.values)
     except RobotError as error:
-        yield part.error("link", error)
+        yield part.error(what, error)
     if not seen:
         yield unseen
 
