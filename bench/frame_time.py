@@ -21,7 +21,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
@@ -30,10 +30,12 @@ from rich.table import Table
 
 from bench.figures_file import check_json, write_json
 from bench.options import at_least
-from bench.tape import Tape, play, record
 from host.camera.frame import Frame
 from host.config import read_options
 from host.errors import run_command
+
+if TYPE_CHECKING:  # so that --help need not wait for the simulator
+    from bench.tape import Tape
 
 DRIVES = {
     "room": ("sim:room?seed=1", "sim:"),
@@ -101,6 +103,8 @@ def peak_mb(tape: Tape, seconds: float) -> float:
 
 def figures_of(tape: Tape, options: Options) -> dict[str, Any]:
     """Median and p95 of every stage and of the peers, ms; memory, MB."""
+    from bench.tape import play
+
     runs = [play(tape, options.seconds)[0] for _ in range(options.repeats)]
     ms = {row: np.min([[one.get(row, 0.0) for one in run] for run in runs], axis=0) for row in ROWS}
     frames = [picture for picture, _ in tape.pictures if isinstance(picture, Frame)]
@@ -139,6 +143,8 @@ def print_figures(figures: dict[str, dict[str, Any]]) -> None:
 def main() -> None:
     """The command."""
     options = read_options(Options)
+    from bench.tape import record
+
     at_least("seconds", options.seconds, 2)
     at_least("repeats", options.repeats, 1)
     check_json(options.json)
