@@ -78,6 +78,8 @@ def _changed(recording: Recording, other_settings: bool) -> list[str]:
     from host.record.versions import differences, versions
 
     changed = differences(recording.begin.get("versions", {}), versions())
+    if changed and recording.begin.get("commit"):
+        changed.append(f"it was recorded at commit {recording.begin['commit'][:10]}")
     if other_settings:
         changed.append("other settings were asked for")
     if recording.config.net.max_ms > 0:

@@ -1,1 +1,1 @@
-"""Sequence folders, read and written."""
+"""Sequence folders and recordings, written, read and done again."""

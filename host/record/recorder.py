@@ -31,7 +31,7 @@ from host.nav.task import Task
 from host.record import ros
 from host.record.journal import FORMAT, lens_as_dict, task_as_dict
 from host.record.mcap_writer import Told, Writer
-from host.record.versions import versions
+from host.record.versions import commit, versions
 
 QUEUE_BYTES = 64_000_000  # pictures wait in these; the rest, which is small, in a quarter more
 FLUSH_S = 0.3
@@ -106,6 +106,7 @@ class Recorder:
             "task": task_as_dict(task),
             "options": {name: None if value is None else str(value) for name, value in options.items()},
             "versions": versions(),
+            "commit": commit(),
             "started": time.strftime("%Y-%m-%dT%H:%M:%S%z"),
         }
         self._put("begin", (begin, config_text(config), lens, config.body))

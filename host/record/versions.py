@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import hashlib
 import platform
+import subprocess
 from importlib import import_module, metadata
 from pathlib import Path
 
@@ -35,6 +36,16 @@ def versions() -> dict[str, str]:
         "protocol": f"{PROTOCOL_VERSION}, schema {SCHEMA_HASH:08x}",
         **{f"code of {name}": _code(*where) for name, where in CODE.items()},
     }
+
+
+def commit() -> str | None:
+    """The commit that is checked out, where this runs from a checkout."""
+    try:
+        asked = ["git", "-C", str(HOST), "rev-parse", "HEAD"]
+        told = subprocess.run(asked, capture_output=True, text=True, timeout=2.0, check=True)
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return told.stdout.strip()
 
 
 def differences(then: dict[str, str], now: dict[str, str]) -> list[str]:

@@ -33,6 +33,7 @@ from host.record.mcap_reader import Recording
 from host.record.mcap_writer import Told, Writer
 from host.record.recorder import Recorder
 from host.record.replayed import Tally, replay
+from host.record.versions import differences
 from host.sim.board import Line
 from host.sim.session import Simulation
 
@@ -282,3 +283,13 @@ def test_a_damaged_recording_ends_the_command_with_one_line_and_code_3(recorded_
     assert done.returncode == 3 and done.stdout == ""
     assert done.stderr.startswith("error: run.mcap: damaged at byte ") and done.stderr.count("\n") == 1
     assert "copy it again" in done.stderr
+
+
+def test_what_changed_since_is_named(recorded_drive):
+    then = Recording(recorded_drive).begin["versions"]
+    assert differences(then, then) == []
+    now = {**then, "opencv": "4.11.0", "code of depth": "0123456789abcdef"}
+    assert differences(then, now) == [
+        f"opencv was {then['opencv']}, is 4.11.0",
+        "code of depth changed",
+    ]
