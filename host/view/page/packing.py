@@ -141,7 +141,6 @@ def _state(shot: Shot, job: Job) -> dict[str, Any]:
             "real": [0, 0] if latest is None else [latest.speed_left_mm_s / 10, latest.speed_right_mm_s / 10],
         },
         "stages": {} if view is None else {name: round(ms, 2) for name, ms in view.stage_ms.items()},
-        "latency_ms": None if shot.frame is None else round(1e3 * (shot.done_s - shot.exposed_s), 1),
         "link": {
             "round_trip_ms": _ms(robot.round_trip_s),
             "battery_v": None if latest is None or not latest.battery_mv else latest.battery_mv / 1000,

@@ -12,7 +12,7 @@ const GOOD_ENDS = ["goal", "explored", "approached"];
 
 let socket = null, phase = "wait", heardAt = 0, stopping = false;
 let picture = null, shot = null, known = null, view = null, colours = {};
-let drawnMs = null, wordsAt = 0;
+let took = null, wordsAt = 0;
 const queue = [], drawnAt = [], history = [];
 let drawing = false;
 // What tests and benchmarks look at.
@@ -36,7 +36,7 @@ function connect() {
 }
 
 function hear(note) {
-  if (note.kind === "drawn") drawnMs = note.ms;
+  if (note.kind === "drawn") took = note;
   else if (note.kind === "wait") setPhase("wait", note.text);
   else if (note.kind === "stopped") setPhase("stopped", note.reason);
   else if (note.kind === "end") {
@@ -506,8 +506,8 @@ function sayTiming(content) {
   while (drawnAt.length > 2 && drawnAt[0] < now - 2000) drawnAt.shift();
   const last = drawnAt.length - 1;
   const rate = last > 1 ? (1000 * last) / (drawnAt[last] - drawnAt[0]) : null;
-  $("command").textContent = round(content.latency_ms);
-  $("drawn").textContent = round(drawnMs);
+  $("command").textContent = round(took?.command_ms);
+  $("drawn").textContent = round(took?.ms);
   $("rate").textContent = round(rate);
   const stages = Object.entries(content.stages);
   const whole = Math.max(50, stages.reduce((sum, [, ms]) => sum + ms, 0));

@@ -236,9 +236,12 @@ class LivePage:
             said = json.loads(text)
             if said.get("stop") is True:
                 self._stop()
-            if (exposed_s := browser.in_flight.pop(said.get("drawn"), None)) is not None:
-                self.drawn_ms.append(1e3 * (time.monotonic() - exposed_s))
-                browser.drawn_ms = self.drawn_ms[-1]
+            if (shot := browser.in_flight.pop(said.get("drawn"), None)) is not None:
+                self.drawn_ms.append(1e3 * (time.monotonic() - shot.exposed_s))
+                command_ms = 1e3 * (shot.done_s - shot.exposed_s)
+                browser.note = {
+                    "kind": "drawn", "ms": round(self.drawn_ms[-1], 1), "command_ms": round(command_ms, 1)
+                }  # fmt: skip
                 browser.news.set()
         except (ValueError, AttributeError, TypeError):
             pass  # nobody that is known says such things
@@ -254,9 +257,9 @@ class LivePage:
                 if shot is None or job is None or shot.number == shown or len(browser.in_flight) >= IN_FLIGHT:
                     continue
                 shown = shot.number
-                browser.in_flight[shown] = shot.exposed_s
-                if browser.drawn_ms is not None:
-                    await browser.socket.send_json({"kind": "drawn", "ms": round(browser.drawn_ms, 1)})
+                browser.in_flight[shown] = shot
+                if browser.note is not None:
+                    await browser.socket.send_json(browser.note)
                 await browser.socket.send_bytes(self._packed(shot, job))
 
     def _packed(self, shot: Shot, job: Job) -> bytes:
@@ -292,8 +295,8 @@ class _Browser:
         self.socket = socket
         self.news = asyncio.Event()
         self.news.set()
-        self.in_flight: dict[int, float] = {}  # number of a picture -> when it was exposed
-        self.drawn_ms: float | None = None
+        self.in_flight: dict[int, Shot] = {}  # by number
+        self.note: dict[str, Any] | None = None  # how long the last picture took that it has drawn
         self.sending: set[asyncio.Future] = set()
 
     def sent(self, task: asyncio.Future) -> None:
