@@ -15,12 +15,14 @@ STYLES = {Outcome.OK: "green", Outcome.WARN: "yellow", Outcome.FAIL: "bold red",
 
 
 def as_dict(findings: Sequence[Finding]) -> dict[str, Any]:
-    """For the JSON file."""
+    """For the JSON file, which may go into a report of a fault."""
+    from host.record.versions import versions
+
     checks = [
         {"part": f.part, "name": f.name, "outcome": f.outcome.value, "told": f.told, "fix": f.fix or None}
         for f in findings
     ]
-    return {"exit_code": exit_code(findings), "checks": checks}
+    return {"exit_code": exit_code(findings), "versions": versions(), "checks": checks}
 
 
 def write_json(findings: Sequence[Finding], path: Path) -> None:
