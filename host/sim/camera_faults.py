@@ -108,6 +108,7 @@ class FaultyCamera:
             self._good.append(frame.image)
             return frame
         shape = frame.image.shape
+        frame = replace(frame, encoded=None)  # what came over the cable is not this
         if fault.kind == "black":
             return replace(frame, image=_dark(shape, frame.seq))
         if fault.kind == "white":

@@ -295,6 +295,10 @@ class Webcam:
 
     def take(self, light: np.ndarray, t_s: float, seq: int) -> np.ndarray:
         """Picture (H, W, 3) uint8 BGR of the light at the sensor at one time."""
+        return self.deliver(light, t_s, seq)[0]
+
+    def deliver(self, light: np.ndarray, t_s: float, seq: int) -> tuple[np.ndarray, bytes | None]:
+        """The same, and the JPEG it was decoded from, as it came over the cable; None where none did."""
         model = self.model
         swing = np.sin(2 * math.pi * t_s / np.array([11.0, 2.7]) + self._phases)
         gain = 1.0 + model.exposure_drift * float(0.75 * swing[0] + 0.25 * swing[1])
@@ -305,9 +309,9 @@ class Webcam:
             signal = signal + np.sqrt(variance) * rng.standard_normal(signal.shape, dtype=np.float32)
         image = SCREEN[(np.clip(signal, 0.0, 1.0) * np.float32(65535) + np.float32(0.5)).astype(np.uint16)]
         if not model.jpeg_quality:
-            return image
+            return image, None
         _, data = cv2.imencode(".jpg", image, jpeg_options(model.jpeg_quality))
-        return np.asarray(cv2.imdecode(data, cv2.IMREAD_COLOR))
+        return np.asarray(cv2.imdecode(data, cv2.IMREAD_COLOR)), data.tobytes()
 
 
 def jpeg_options(quality: int) -> list[int]:

@@ -30,7 +30,7 @@ class SimulatedCamera:
         lens: Lens,
         fps: float,
         rolling: RollingRobot,
-        take: Callable[[int, int], np.ndarray],
+        take: Callable[[int, int], tuple[np.ndarray, bytes | None]],
         model: WebcamModel,
         seed: int,
     ) -> None:
@@ -67,7 +67,8 @@ class SimulatedCamera:
             self._rolling.advance_to(self._ready_us(seq))
         self._last_seq = seq
         t_us = self._time_us(seq)
-        return Frame(self._take(t_us, seq), t_us * 1e-6 + self._model.stamp_late_s, seq)
+        image, encoded = self._take(t_us, seq)
+        return Frame(image, t_us * 1e-6 + self._model.stamp_late_s, seq, encoded)
 
     def close(self) -> None:
         """No more pictures from here."""
@@ -182,10 +183,10 @@ class Simulation:
         """The world as it stands at a time; for scoring alone."""
         return Renderer(self.world.at(t_s)) if self.world.movers else self.renderer
 
-    def _take(self, t_us: int, seq: int) -> np.ndarray:
+    def _take(self, t_us: int, seq: int) -> tuple[np.ndarray, bytes | None]:
         model = self._webcam_model
         bands = BANDS if model.readout_s else 1
         late_us = (model.readout_s * 1e6 * ((n + 0.5) / bands - 0.5) for n in range(bands))
         poses = [self.body.pose_at(t_us + round(late)) for late in late_us]
         light = self.renderer_at(t_us * 1e-6).rolling_light(poses, model.psf_px)
-        return self._webcam.take(light, t_us * 1e-6, seq)
+        return self._webcam.deliver(light, t_us * 1e-6, seq)

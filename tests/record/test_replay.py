@@ -159,7 +159,8 @@ class TroubledCamera:
             self._restarted = True
             self._simulation.board.reset()
         assert frame is not None
-        return replace(frame, image=np.zeros_like(frame.image)) if 0.7 < now_s < 0.9 else frame
+        black = replace(frame, image=np.zeros_like(frame.image), encoded=None)
+        return black if 0.7 < now_s < 0.9 else frame
 
     def close(self) -> None:
         pass

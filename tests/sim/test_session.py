@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -117,7 +118,7 @@ def test_every_frame_is_read_once_at_any_rate(fps: float) -> None:
     simulation = Simulation("sim:boxes", fps=fps)
     taken: list[int] = []
     camera = simulation.camera
-    camera._take = lambda t_us, seq: taken.append(seq) or np.zeros((1, 1, 3), np.uint8)  # rendering is slow
+    camera._take = lambda t_us, seq: (taken.append(seq) or np.zeros((1, 1, 3), np.uint8), None)  # is quick
     for _ in range(300):
         camera.read(0.5)
     assert taken == list(range(300))
@@ -272,3 +273,12 @@ def test_the_uri_says_how_many_frames_a_second() -> None:
     for uri in ("sim:room?fps=4", "sim:room?fps=61", "sim:boxes?fps=15"):
         with pytest.raises(UsageError, match=r"from 5 to 60|has no parameter 'fps'"):
             Simulation(uri)
+
+
+def test_a_webcams_jpeg_comes_with_the_picture_that_it_is_decoded_to():
+    frame = Simulation("sim:room?seed=1").camera.read(1.0)
+    assert frame is not None and frame.encoded is not None
+    decoded = cv2.imdecode(np.frombuffer(frame.encoded, np.uint8), cv2.IMREAD_COLOR)
+    assert np.array_equal(decoded, frame.image)
+    bare = Simulation("sim:room?seed=1", webcam=IDEAL).camera.read(1.0)
+    assert bare is not None and bare.encoded is None
