@@ -38,7 +38,7 @@ MARGIN_CM = 20.0
 EVERY_S = 0.25  # of the drive
 SHOWN_S = 0.125  # each picture: twice as fast as it was
 LAST_S = 2.0  # the last one
-QUALITY = 55  # of WebP
+QUALITY = 78  # of WebP
 KINDS = (".webp", ".gif")
 
 

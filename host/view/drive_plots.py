@@ -18,7 +18,10 @@ GAP_S = 2.0  # without a depth, and the line of a region is broken
 def stops_of(result: dict[str, Any]) -> list[tuple[float, str]]:
     """When it came to stand on the way, and why; not the end of the drive."""
     found, moved = [], False
-    for told in result.get("decisions", [])[:-1]:
+    decisions = result.get("decisions", [])[:-1]
+    if decisions and decisions[-1]["reason"] == result["reason"]:
+        decisions.pop()
+    for told in decisions:
         stands = told["v_mm_s"] == told["omega_rad_s"] == 0.0
         if stands and moved:
             found.append((told["t_s"], told["reason"]))
