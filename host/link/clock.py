@@ -90,25 +90,27 @@ class RobotClock:
         return self._newest_us + (ahead - (1 << 32) if ahead >= 1 << 31 else ahead)
 
     def _fit(self) -> None:
-        windows = self._windows
-        self._middle_s = sum(window.mcu_s for window in windows) / len(windows)
-        x = [window.mcu_s - self._middle_s for window in windows]
-        lead_s = [window.earliest_s - window.mcu_s for window in windows]
-        lag_s = [window.latest_s - window.mcu_s for window in windows]
-        self._drift = _slope(x, lead_s)
-        lead_s = [b - self._drift * a for a, b in zip(x, lead_s, strict=True)]
-        lag_s = [b - self._drift * a for a, b in zip(x, lag_s, strict=True)]
-        burst = sum(a >= x[-1] - BURST_S for a in x)
-        self._narrowest_s = min(self._narrowest_s, min(lag_s[-burst:]) - max(lead_s[-burst:]))
+        earliest_s, mcu_s, latest_s = zip(*self._windows, strict=True)
+        self._middle_s = middle_s = sum(mcu_s) / len(mcu_s)
+        x = [mcu - middle_s for mcu in mcu_s]
+        lead_s = [early - mcu for early, mcu in zip(earliest_s, mcu_s, strict=True)]
+        self._drift = drift = _slope(x, lead_s)
+        lead_s = [lead - drift * a for a, lead in zip(x, lead_s, strict=True)]
+        burst_from = x[-1] - BURST_S
+        burst = len([a for a in x if a >= burst_from])
+        last = zip(x[-burst:], mcu_s[-burst:], latest_s[-burst:], strict=True)
+        lag_s = min(late - mcu - drift * a for a, mcu, late in last)
+        self._narrowest_s = min(self._narrowest_s, lag_s - max(lead_s[-burst:]))
         self._offset_s = max(lead_s[-RECENT:]) + self._narrowest_s / 2
 
 
 def _slope(x: list[float], y: list[float]) -> float:
     """Slope of y over x, whose mean is 0; near 0 as long as the scatter of y leaves it open."""
     mean = sum(y) / len(y)
-    xx = sum(a * a for a in x)
+    xx = sum([a * a for a in x])  # lists, not generators: this is done for every PONG
     if xx == 0.0:
         return 0.0
-    xy = sum(a * (b - mean) for a, b in zip(x, y, strict=True))
-    scatter2 = sum((b - mean - xy / xx * a) ** 2 for a, b in zip(x, y, strict=True)) / len(y)
+    xy = sum([a * (b - mean) for a, b in zip(x, y, strict=True)])
+    slope = xy / xx
+    scatter2 = sum([(b - mean - slope * a) ** 2 for a, b in zip(x, y, strict=True)]) / len(y)
     return xy / (xx + scatter2 / DRIFT_SIGMA**2)

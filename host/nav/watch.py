@@ -84,7 +84,7 @@ class FrameWatch:
         if self._last is None or travelled_cm - self._last_cm < TORN_CM:
             return None
         alike = (sample.reshape(rows, -1) == self._last.reshape(rows, -1)).all(axis=1)
-        share = float((alike & (spread > ROW_LEVELS)).mean())
+        share = int((alike & (spread > ROW_LEVELS)).sum()) / rows
         if share >= TORN_ROWS and not alike.all():
             return f"picture is torn: {100 * share:.0f} % of its rows are those of the last one"
         return None
