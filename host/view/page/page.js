@@ -233,13 +233,13 @@ function drawLabels(paint, regions, x0, y0, scale, width, height) {
   paint.textBaseline = "middle";
   const free = ([x, y], box) => !taken.some(([tx, ty, wide]) =>
     x < tx + wide + 2 && tx < x + box + 2 && y < ty + high + 2 && ty < y + high + 2);
-  // In the region, or at a small one's rim.
+  // In the region; at the rim of one that is smaller than its label, or not much larger.
   const placeFor = (region, box) => {
     const [spots, around] = middles(region);
-    if ((around.bottom - around.top) * scale < 2 * high) {
-      const x = (around.left + around.right) / 2, rim = high / 2 / scale + 2;
-      spots.unshift([x, around.bottom + rim], [x, around.top - rim]);
-    }
+    const x = (around.left + around.right) / 2, rim = high / 2 / scale + 2;
+    const outside = [[x, around.bottom + rim], [x, around.top - rim]], tall = ((around.bottom - around.top) * scale) / high;
+    if (tall < 2) spots.unshift(...outside);
+    else if (tall < 4) spots.push(...outside);
     return spots.map(([x, y]) => [
       Math.min(Math.max(x0 + (x + 0.5) * scale - box / 2, x0 + 3), width - x0 - box - 3),
       Math.min(Math.max(y0 + (y + 0.5) * scale - high / 2, y0 + 3), height - y0 - high - 3),
