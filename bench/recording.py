@@ -16,7 +16,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
@@ -28,17 +28,12 @@ from bench.options import at_least
 from host.camera.frame import Frame
 from host.config import Config, read_options
 from host.errors import run_command
-from host.link.clock import SystemClock
 from host.link.protocol import Decoder, Telemetry
-from host.link.robot import Robot
-from host.nav.drive import drive
-from host.nav.pilot import Pilot, View
-from host.nav.result import DriveLog
-from host.nav.task import Route
-from host.record.journal import reading_of, task_of
-from host.record.mcap_reader import Recording
-from host.record.recorder import Recorder
-from host.sim.session import Simulation
+
+if TYPE_CHECKING:  # so that --help need not wait for all of it
+    from host.nav.pilot import View
+    from host.nav.result import DriveLog
+    from host.record.mcap_reader import Recording
 
 IN_THE_LOOP = ("frame_number", "entry", "hear", "made", "decided", "drove", "event", "put_bytes")
 SETTLED = 5  # pictures at the start that are not counted
@@ -80,6 +75,13 @@ class Timed:
 
 def simulate(options: Options, path: Path) -> Recording:
     """The drive that is done again."""
+    from host.link.robot import Robot
+    from host.nav.drive import drive
+    from host.nav.task import Route
+    from host.record.mcap_reader import Recording
+    from host.record.recorder import Recorder
+    from host.sim.session import Simulation
+
     simulation, config = Simulation(options.camera), Config()
     clock, lens, task = simulation.clock, simulation.world.lens, Route([simulation.world.goal_cm])
     with (
@@ -109,6 +111,11 @@ def drive_again(recording: Recording, jpeg: bool, path: Path | None) -> dict[str
     for said in recording.messages("/journal", "/serial/rx", "/serial/tx"):
         what = next(journal) if said.topic == "/journal" else next(serial)
         entries[said.t_ns].append(what)
+    from host.link.clock import SystemClock
+    from host.nav.pilot import Pilot
+    from host.record.journal import reading_of, task_of
+    from host.record.recorder import Recorder
+
     task, config = task_of(recording.begin["task"]), recording.config
     recorder = None if path is None else Recorder(path)
     if recorder is None:

@@ -12,7 +12,7 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -30,7 +30,9 @@ from host.link.ports import RobotPort
 from host.link.protocol import State, Telemetry
 from host.link.robot import Robot
 from host.sim.kinds import is_simulated
-from host.sim.rolling import RollingRobot, open_rolling
+
+if TYPE_CHECKING:  # so that --help need not wait for the simulator
+    from host.sim.rolling import RollingRobot
 
 LOOK_S = 0.01
 SETTLED_S = 0.3  # standing for so long, the robot rolls no further
@@ -433,6 +435,7 @@ def as_dict(result: Calibration) -> dict[str, Any]:
 def calibrate(options: WheelsOptions, rolling: RollingRobot | None = None) -> Calibration:
     """Open the robot and calibrate it."""
     from host.link.bench.terminal import progress
+    from host.sim.rolling import open_rolling
 
     if rolling is None and is_simulated(options.robot):
         rolling = open_rolling(options.robot)

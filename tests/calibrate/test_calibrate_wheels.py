@@ -209,7 +209,7 @@ def test_a_robot_that_stops_itself_is_not_calibrated() -> None:
     ("arguments", "complaint"),
     [
         (["wheel"], "nothing called 'wheel' can be calibrated; did you mean wheels?"),
-        (["camera"], "nothing called 'camera' can be calibrated; the commands are wheels"),
+        (["lens"], "nothing called 'lens' can be calibrated"),
         (["wheels", "--side-mm", "10"], "--side-mm must be from 500 to 20000, not 10"),
         (["wheels", "--runs", "0"], "--runs must be from 1 to 100, not 0"),
         (["wheels", "--rate-rad-s", "nan"], "--rate-rad-s must be from 0.2 to 6"),
