@@ -6,7 +6,6 @@ import itertools
 import json
 import math
 import os
-import resource
 import signal
 import subprocess
 import sys
@@ -315,23 +314,43 @@ def test_a_process_that_is_killed_leaves_all_but_its_last_second(tmp_path):
 # --- Full disks, slow disks, places that are taken -----------------------------------------------
 
 
-def test_on_a_full_disk_the_recording_ends_with_one_line_and_the_drive_goes_on(tmp_path):
-    def small_disk() -> None:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (600_000, 600_000))
+ON_A_SMALL_DISK = """
+import errno, os, sys
+import host.record.mcap_writer as writer
+from host.errors import run_command
+from host.nav_loop import main
 
+class SmallDisk:
+    def __getattr__(self, name):
+        return getattr(os, name)
+
+    def write(self, handle, data):
+        room = 120_000 - os.fstat(handle).st_size
+        if room <= 0:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return os.write(handle, data[:room])
+
+writer.os = SmallDisk()
+run_command(main)
+"""
+
+
+def test_on_a_full_disk_the_recording_ends_with_one_line_and_the_drive_goes_on(tmp_path):
     path = os.pathsep.join(filter(None, [os.environ.get("PYTHONPATH"), str(ROOT)]))
     done = subprocess.run(
-        [sys.executable, str(ROOT / "host/nav_loop.py"), "--camera", "sim:room?seed=3", "--max-time", "2.5",
+        [sys.executable, "-c", ON_A_SMALL_DISK, "--camera", "sim:room?seed=3", "--max-time", "2.5",
          "--max-wall", "300", "--record", "run.mcap", "--json", "out.json"],
-        cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False, preexec_fn=small_disk,
+        cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False,
         env={**os.environ, "PYTHONPATH": path},
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     lines = [line for line in done.stderr.splitlines() if "run.mcap" in line]
-    assert lines == ["run.mcap: the recording ends here (File too large); the drive goes on without it"]
+    assert lines == [
+        "run.mcap: the recording ends here (No space left on device); the drive goes on without it"
+    ]
     result = json.loads((tmp_path / "out.json").read_text())
     assert result["outcome"] == "timeout" and result["duration_s"] == pytest.approx(2.5, abs=0.2)
-    assert result["recording"]["ended_early"] == "File too large"
+    assert result["recording"]["ended_early"] == why
     recording = Recording(tmp_path / "run.mcap")
     assert not recording.closed and 0 < recording.frame_count < result["frames"]
     assert recording.frame_count == result["recording"]["frames"]
