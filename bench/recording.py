@@ -32,7 +32,6 @@ from host.link.protocol import Decoder, Telemetry
 
 if TYPE_CHECKING:  # so that --help need not wait for all of it
     from host.nav.pilot import View
-    from host.nav.result import DriveLog
     from host.record.mcap_reader import Recording
 
 IN_THE_LOOP = ("frame_number", "entry", "hear", "made", "decided", "drove", "event", "put_bytes")
@@ -113,6 +112,7 @@ def drive_again(recording: Recording, jpeg: bool, path: Path | None) -> dict[str
         entries[said.t_ns].append(what)
     from host.link.clock import SystemClock
     from host.nav.pilot import Pilot
+    from host.nav.result import DriveLog
     from host.record.journal import reading_of, task_of
     from host.record.recorder import Recorder
 
