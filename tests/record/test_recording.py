@@ -345,9 +345,8 @@ def test_on_a_full_disk_the_recording_ends_with_one_line_and_the_drive_goes_on(t
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     lines = [line for line in done.stderr.splitlines() if "run.mcap" in line]
-    assert lines == [
-        "run.mcap: the recording ends here (No space left on device); the drive goes on without it"
-    ]
+    why = "No space left on device"
+    assert lines == [f"run.mcap: the recording ends here ({why}); the drive goes on without it"]
     result = json.loads((tmp_path / "out.json").read_text())
     assert result["outcome"] == "timeout" and result["duration_s"] == pytest.approx(2.5, abs=0.2)
     assert result["recording"]["ended_early"] == why
