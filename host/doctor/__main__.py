@@ -25,9 +25,10 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         from host.config import read_command_line
         from host.doctor.visit import DoctorOptions, visit
+
+        options, config = read_command_line(DoctorOptions, arguments)
     except ImportError:  # then nobody can read the command line, and the installation is what is wrong
         return see_installation(sys.argv[1:] if arguments is None else arguments)
-    options, config = read_command_line(DoctorOptions, arguments)
     if options.json is not None:
         check_writable(options.json, folder=False)
     findings = visit(options, config)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from host.camera.lens import Lens
-from host.camera.lens_file import read_lens
+from host.camera.lens_file import check_camera, read_lens
 from host.doctor.finding import Finding, Part
 from host.errors import InputError
 from host.link.parameters import PARAMETERS, Param
@@ -25,10 +25,13 @@ PART = Part("calibration")
 CALIBRATE = "'python -m host.calibrate camera' makes a new one"
 
 
-def check_lens_file(path: Path, size: tuple[int, int] | None) -> tuple[Finding, Lens | None]:
-    """Can it be read, and is it for pictures of this size (width, height)?"""
+def check_lens_file(
+    path: Path, size: tuple[int, int] | None, camera_name: str | None = None
+) -> tuple[Finding, Lens | None]:
+    """Can it be read, and is it of this camera and for pictures of this size (width, height)?"""
     try:
         lens = read_lens(path)
+        check_camera(path, camera_name)
     except InputError as error:
         return PART.error("lens", error), None
     return check_lens(lens, str(path), size), lens

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -32,6 +33,16 @@ def test_a_missing_or_damaged_lens_file_is_told(tmp_path: Path):
     (tmp_path / "camera.json").write_text("{")
     found, _ = checks.check_lens_file(tmp_path / "camera.json", (640, 480))
     assert "not valid JSON" in found.told and found.fix
+
+
+def test_the_lens_of_another_camera_is_told(tmp_path: Path):
+    write_lens(tmp_path / "camera.json", LENS)
+    values = json.loads((tmp_path / "camera.json").read_text())
+    (tmp_path / "camera.json").write_text(json.dumps(values | {"camera_name": "Webcam C270"}))
+    assert checks.check_lens_file(tmp_path / "camera.json", None, "Webcam C270")[0].outcome == Outcome.OK
+    found, _ = checks.check_lens_file(tmp_path / "camera.json", None, "Other")
+    assert found.outcome == Outcome.FAIL
+    assert "another camera, 'Webcam C270'" in found.told and "host.calibrate camera" in found.fix
 
 
 @pytest.mark.parametrize(
