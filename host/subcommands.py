@@ -4,19 +4,26 @@ from __future__ import annotations
 
 import difflib
 import sys
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from importlib import import_module
 from types import ModuleType
 from typing import Any
 
-from host.config import read_options
+from host.config import read_command_line, read_options
 from host.errors import UsageError
 
 
 def read_subcommand(
-    package: str, commands: Mapping[str, str], about: str, unknown: str, arguments: list[str] | None
+    package: str,
+    commands: Mapping[str, str],
+    about: str,
+    unknown: str,
+    arguments: list[str] | None,
+    with_settings: Collection[str] = (),
 ) -> tuple[ModuleType, Any] | None:
     """The module of the command that is asked for and its options; None after showing what there is.
+
+    Of a command with settings the options come as a pair, with the configuration.
 
     Parameters
     ----------
@@ -30,6 +37,8 @@ def read_subcommand(
         What to say of a command that there is not, with ``{name!r}`` in it.
     arguments
         Instead of the process's own.
+    with_settings
+        Commands that take settings as well, such as ``--body.track-cm 16``.
 
     Raises
     ------
@@ -46,4 +55,7 @@ def read_subcommand(
         remedy = f"did you mean {near[0]}?" if near else f"the commands are {', '.join(commands)}"
         raise UsageError(f"{unknown.format(name=name)}; {remedy}")
     module = import_module(f"{package}.{name}")
-    return module, read_options(getattr(module, commands[name]), arguments[1:], name)
+    kind = getattr(module, commands[name])
+    if name in with_settings:
+        return module, read_command_line(kind, arguments[1:], name)
+    return module, read_options(kind, arguments[1:], name)

@@ -1,9 +1,19 @@
-"""Measure what differs from robot to robot.
+"""Measure what differs from robot to robot, and from camera to camera.
 
 python -m host.calibrate target --paper a4               the board to print, as PDF in true size
 python -m host.calibrate camera --camera 0               the lens, with that board held before the camera
 python -m host.calibrate wheels --robot /dev/ttyACM0     wheel sizes, track, motors; needs a floor and a tape
+python -m host.calibrate mount --camera 0 --robot auto --lens camera.json   height and tilt of the camera
+python -m host.calibrate delay --camera 0 --robot auto --lens camera.json   how late its pictures are stamped
+python -m host.calibrate check --camera 0 --lens camera.json                does the lens still hold?
+
+Each has --help, and each can be tried in simulation:
+python -m host.calibrate camera --camera "sim:target?seed=1"
 python -m host.calibrate wheels --robot "sim:?wheels=3&track=4&motors=15"
+python -m host.calibrate mount --camera "sim:room?seed=1" --robot sim:
+
+Exit codes: 0 done, 2 usage, 3 the views or the ride tell too little, or what was checked holds no more,
+4 camera or robot, 130 interrupted.
 """
 
 from __future__ import annotations
@@ -15,17 +25,25 @@ if __name__ == "__main__":
 
 from host.subcommands import read_subcommand
 
-COMMANDS = {"target": "TargetOptions", "camera": "CameraOptions", "wheels": "WheelsOptions"}
+COMMANDS = {
+    "target": "TargetOptions",
+    "camera": "CameraOptions",
+    "wheels": "WheelsOptions",
+    "mount": "MountOptions",
+    "delay": "DelayOptions",
+    "check": "CheckOptions",
+}
+WITH_SETTINGS = ("camera", "mount", "delay", "check")
 
 
 def main(arguments: list[str] | None = None) -> int | None:
     """The command."""
     unknown = "nothing called {name!r} can be calibrated"
-    asked = read_subcommand("host.calibrate", COMMANDS, __doc__ or "", unknown, arguments)
-    if asked is not None:
-        module, options = asked
-        return module.run(options)
-    return None
+    asked = read_subcommand("host.calibrate", COMMANDS, __doc__ or "", unknown, arguments, WITH_SETTINGS)
+    if asked is None:
+        return None
+    module, given = asked
+    return module.run(*given) if isinstance(given, tuple) else module.run(given)
 
 
 if __name__ == "__main__":

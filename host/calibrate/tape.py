@@ -6,12 +6,14 @@ import math
 import select
 import sys
 from collections.abc import Callable
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from host.errors import UsageError
-from host.sim.rolling import RollingRobot
+
+if TYPE_CHECKING:  # so that --help need not wait for the simulator
+    from host.sim.rolling import RollingRobot
 
 READING_MM = 1.0  # error of the simulated person's reading, in each direction
 AIM_RAD = math.radians(0.5)  # and of putting the robot straight on its mark
@@ -68,7 +70,12 @@ class PersonWithTape:
 
     def mark(self, what_next: str) -> None:
         """Wait until the robot has been put on its mark."""
-        self._ask(f"\n{what_next}\nPut the robot on its mark, looking along the line, then press Enter: ")
+        how = "Put the robot on its mark, looking along the line, then press Enter: "
+        self.await_enter(f"\n{what_next}\n{how}")
+
+    def await_enter(self, text: str) -> None:
+        """Say this, and wait until Enter is pressed."""
+        self._ask(text)
         self._line()
 
     def read(self) -> tuple[float, float]:

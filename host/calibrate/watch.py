@@ -14,7 +14,7 @@ from host.calibrate.board import Board
 from host.calibrate.views import LEAST_SQUARE_PX, Coverage
 from host.camera.config import WebcamConfig
 from host.camera.frame import FrameSource
-from host.camera.source import is_live, open_camera
+from host.camera.source import camera_name, is_live, open_camera
 from host.errors import InputError
 
 FRAME_S = 5.0  # a picture takes at most so long to come
@@ -110,19 +110,6 @@ def _why_nothing(uri: str, board: Board, watched: Watched | None) -> str:
     }
     worst = max(reasons, key=lambda reason: seen[reason])
     return f"camera {uri}: the board was seen in {total - seen['none']} pictures, always {reasons[worst]}"
-
-
-def camera_name(uri: str) -> str | None:
-    """What a camera calls itself; the same model of another make has another name, two alike have not."""
-    if uri.startswith("sim:"):
-        return uri.partition("&views")[0]
-    if not is_live(uri) or uri.startswith("http"):
-        return None
-    device = Path(f"/dev/video{uri}" if uri.isdigit() else uri)
-    try:
-        return (Path("/sys/class/video4linux") / device.resolve().name / "name").read_text().strip() or None
-    except (OSError, UnicodeDecodeError):
-        return None
 
 
 WORDS = {

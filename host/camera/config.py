@@ -12,6 +12,7 @@ RANGES = {
     "fps": (1.0, 1000.0),
     "exposure": (0, 100000),
     "focus": (0, 100000),
+    "late_s": (-0.1, 0.3),
 }
 
 
@@ -30,6 +31,9 @@ class WebcamConfig:
 
     focus: int = 0
     """to hold it at, in the camera's own units; 0 is far on most; a lens is calibrated at one of them"""
+
+    late_s: float = 0.0
+    """by how much pictures are stamped later than they are exposed; host.calibrate delay measures it"""
 
     def __post_init__(self) -> None:
         check_ranges(self, RANGES)

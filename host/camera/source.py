@@ -22,6 +22,7 @@ set_log_level = getattr(cv2, "setLogLevel", None) or cv2.utils.logging.setLogLev
 set_log_level(LOG_ERRORS)
 
 FIRST_FRAME_S = 5.0
+VIDEO_DEVICES = Path("/sys/class/video4linux")
 STREAMS = ("http://", "https://")
 KINDS = (
     "a number for a webcam, /dev/videoN, http://... for an MJPEG stream, a video file, a folder of images or "
@@ -32,6 +33,18 @@ KINDS = (
 def is_live(uri: str) -> bool:
     """Does the name stand for a camera whose pictures are of now? Not for the simulator's."""
     return (uri.isascii() and uri.isdigit()) or uri.startswith(("/dev/", *STREAMS))
+
+
+def camera_name(uri: str) -> str | None:
+    """What a webcam calls itself, which two of one make do alike; None where that is not known."""
+    if not is_live(uri) or uri.startswith(STREAMS):
+        return None
+    device = Path(f"/dev/video{uri}" if uri.isdigit() else uri)
+    try:
+        text = (VIDEO_DEVICES / device.resolve().name / "name").read_text()
+    except (OSError, UnicodeDecodeError):
+        return None
+    return text.strip() or None
 
 
 def open_camera(

@@ -6,26 +6,25 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from host.camera.config import WebcamConfig
 from host.camera.frame import FrameSource
 from host.camera.lens import Lens
-from host.camera.lens_file import read_lens
-from host.camera.source import is_live, open_camera
+from host.camera.lens_file import check_camera, read_lens
+from host.camera.source import camera_name, is_live, open_camera
+from host.camera.timely import Timely
 from host.errors import UsageError
 from host.link.clock import Clock, SystemClock
 from host.link.ports import RobotPort
 from host.link.robot import Robot
 from host.link.transport import Transport
-from host.nav.pilot import View
-from host.nav.result import DriveLog
-from host.sim.board import Line
-from host.sim.rolling import is_simulated
-from host.sim.rolling import parse_uri as parse_robot
-from host.sim.scenes import world_from_uri
-from host.sim.scoring import Score
-from host.sim.session import Simulation
+from host.sim.kinds import is_simulated
+
+if TYPE_CHECKING:  # so that --help need not wait for the pilot and the simulator
+    from host.nav.pilot import View
+    from host.nav.result import DriveLog
+    from host.sim.scoring import Score
 
 TRUTHS = (
     "collisions", "run_into", "min_clearance_cm", "true_distance_cm", "room_ahead_cm", "final_pose_error",
@@ -119,6 +118,8 @@ def open_rig(
     tap = tap or (lambda line, clock: line)
     simulated = is_simulated(robot_uri)
     if simulated:
+        from host.sim.rolling import parse_uri as parse_robot
+
         parse_robot(robot_uri)
     if not camera_uri.startswith("sim:") and not is_live(camera_uri):
         open_camera(camera_uri).close()
@@ -136,6 +137,12 @@ def open_rig(
     if simulated and lens_file is not None:
         raise UsageError(f"--lens {lens_file}: a simulated camera brings its own lens; leave it out")
     if simulated:
+        from host.sim.board import Line
+        from host.sim.rolling import parse_uri as parse_robot
+        from host.sim.scenes import world_from_uri
+        from host.sim.scoring import Score
+        from host.sim.session import Simulation
+
         avr, body_seed, body = parse_robot(robot_uri, world_from_uri(camera_uri).seed)
         simulation = Simulation(camera_uri, body=body, body_seed=body_seed, avr=avr, real_time=real_time)
         clock = simulation.clock
@@ -143,13 +150,15 @@ def open_rig(
         with Robot(line, clock, lambda: tap(Line(simulation.board), clock)) as robot:
             robot.connect()
             world = simulation.world
-            rig = Rig(
-                simulation.camera, robot, simulation.clock, world.lens, world.goal_cm, Score(simulation)
-            )
+            camera = _on_time(simulation.camera, webcam)
+            rig = Rig(camera, robot, simulation.clock, world.lens, world.goal_cm, Score(simulation))
             paced = simulation.pacer
             yield rig if paced is None else replace(rig, monotonic_s=paced.real_s)
         return
-    camera = open_camera(camera_uri, None if lens_file is None else read_lens(lens_file), webcam)
+    lens = None if lens_file is None else read_lens(lens_file)
+    if lens_file is not None:
+        check_camera(lens_file, camera_name(camera_uri))
+    camera = open_camera(camera_uri, lens, webcam)
     try:
         if camera.lens is None:
             raise UsageError(f"camera {camera_uri}: its lens is not known; name its camera.json with --lens")
@@ -157,6 +166,10 @@ def open_rig(
         port = RobotPort(robot_uri)
         with Robot(tap(port.open(), clock), clock, lambda: tap(port.open(), clock)) as robot:
             robot.connect()
-            yield Rig(camera, robot, clock, camera.lens, None, None)
+            yield Rig(_on_time(camera, webcam), robot, clock, camera.lens, None, None)
     finally:
         camera.close()
+
+
+def _on_time(camera: FrameSource, webcam: WebcamConfig | None) -> FrameSource:
+    return camera if webcam is None or not webcam.late_s else Timely(camera, webcam.late_s)

@@ -57,6 +57,10 @@ class BodyModel:
     slip: float = 0.0  # share of a wheel's turning that moves nothing, on average; it varies by a third
     slip_per_cm_s2: float = 0.0  # and so much more of it while the wheel speeds up
     slips_per_m: float = 0.0  # rare short real slips of one wheel
+    nod_rad: float = 0.0  # by which the camera looks down
+    tip_rad: float = 0.0  # by which its right side is lower than its left
+    aside_rad: float = 0.0  # by which it looks to the right of straight ahead
+    raised_cm: float = 0.0  # by which it is higher than the world's makers meant
 
 
 class Wheel:
@@ -335,6 +339,7 @@ class Body:
         pose = Pose.planar(
             x + ahead * math.sin(heading), z + ahead * math.cos(heading), heading, t_s=t_us * 1e-6
         )
+        pose = _mounted(pose, self._model)
         return pose if height == 0.0 else _in_hand(pose, height)
 
     # --- Motion ---------------------------------------------------------------------------------
@@ -389,13 +394,28 @@ class Body:
             self._board.set_battery_mv(round(mv))
 
 
+def _mounted(pose: Pose, model: BodyModel) -> Pose:
+    """Where the camera is that does not sit as it was meant to."""
+    if model.nod_rad == model.tip_rad == model.aside_rad == model.raised_cm == 0.0:
+        return pose
+    rotation = pose.rotation @ _turned(model.aside_rad, model.nod_rad, model.tip_rad)
+    return replace(
+        pose, rotation=rotation, position_cm=pose.position_cm - np.array([0.0, model.raised_cm, 0.0])
+    )
+
+
 def _in_hand(pose: Pose, part: float) -> Pose:
     """Where the camera is once the hand has lifted it so far, 0 to 1."""
     sway = SWAY_RAD * math.sin(2 * math.pi * pose.t_s / SWAY_S)
     yaw, pitch, roll = (part * (angle + sway) for angle in LIFTED_RAD)
+    position = pose.position_cm - np.array([0.0, part * LIFTED_CM, 0.0])
+    return replace(pose, rotation=pose.rotation @ _turned(yaw, pitch, roll), position_cm=position)
+
+
+def _turned(yaw: float, pitch: float, roll: float) -> np.ndarray:
+    """(3, 3) of a camera turned to the right, nodded down and tipped clockwise."""
     cy, sy, cp, sp, cr, sr = (f(a) for a in (yaw, pitch, roll) for f in (math.cos, math.sin))
     turned = np.array([[cy, 0.0, sy], [0.0, 1.0, 0.0], [-sy, 0.0, cy]])
     nodded = np.array([[1.0, 0.0, 0.0], [0.0, cp, sp], [0.0, -sp, cp]])
     tipped = np.array([[cr, -sr, 0.0], [sr, cr, 0.0], [0.0, 0.0, 1.0]])
-    position = pose.position_cm - np.array([0.0, part * LIFTED_CM, 0.0])
-    return replace(pose, rotation=pose.rotation @ turned @ nodded @ tipped, position_cm=position)
+    return turned @ nodded @ tipped

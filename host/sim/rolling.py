@@ -7,6 +7,7 @@ simulated ATmega328P; what is hidden from the robot follows a question mark: ``s
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import cast
 from urllib.parse import parse_qsl
@@ -19,10 +20,10 @@ from host.sim.avr.board import AvrBoard
 from host.sim.board import Board, Line
 from host.sim.body import Body, BodyModel
 from host.sim.clock import SimulatedClock
+from host.sim.kinds import is_simulated
 from host.sim.things import Material
 from host.sim.world import Room, World
 
-KINDS = ("sim", "avr")
 # What a URI may say of the body: lowest, highest, meaning.
 OPTIONS = {
     "seed": (0.0, 2.0**31 - 1, "decides boot nonces, where the wheels stand at first, all that is random"),
@@ -36,6 +37,10 @@ OPTIONS = {
     "lag_ms": (5.0, 500.0, "time constant of the motors"),
     "dead_zone": (0.0, 60.0, "percent of duty below which a motor stands"),
     "battery_mv": (3000.0, 12_600.0, "battery without load"),
+    "nod": (-10.0, 10.0, "degrees by which the camera looks down"),
+    "tip": (-10.0, 10.0, "degrees by which the camera's right side is lower than its left"),
+    "aside": (-10.0, 10.0, "degrees by which the camera looks to the right of straight ahead"),
+    "raised": (-5.0, 20.0, "cm by which the camera is higher than the robot believes"),
     "slip": (0.0, 20.0, "percent of the wheels' turning that moves nothing; it varies by a third"),
 }
 WHOLE = ("seed", "rough")
@@ -54,11 +59,6 @@ ROUGH = {
 ROUGH_SLIP_PER_CM_S2 = 3e-5  # 1 % at 333 cm/s^2
 ROUGH_SLIPS_PER_M = 0.1
 ROUGH_DRAIN_MV_PER_MIN = 30.0
-
-
-def is_simulated(uri: str) -> bool:
-    """Does a robot's URI name a simulated one?"""
-    return uri.partition(":")[0] in KINDS and ":" in uri
 
 
 def parse_uri(uri: str, seed: int = 0) -> tuple[bool, int, BodyModel]:
@@ -108,6 +108,10 @@ def _body(values: dict[str, float], seed: int) -> BodyModel:
         lag_s=values.get("lag_ms", 1000 * plain.lag_s) / 1000,
         dead_zone=values.get("dead_zone", 100 * plain.dead_zone) / 100,
         battery_mv=values.get("battery_mv", plain.battery_mv),
+        nod_rad=math.radians(values.get("nod", 0.0)),
+        tip_rad=math.radians(values.get("tip", 0.0)),
+        aside_rad=math.radians(values.get("aside", 0.0)),
+        raised_cm=values.get("raised", 0.0),
         slip=share["slip"],
         slip_per_cm_s2=ROUGH_SLIP_PER_CM_S2 if rough else 0.0,
         slips_per_m=ROUGH_SLIPS_PER_M if rough else 0.0,

@@ -15,8 +15,8 @@ from held_boards import LENS, SMALL, camera, pictures, sightings
 from host.calibrate import watch as watching
 from host.calibrate.__main__ import main
 from host.calibrate.board import Board, Sighting
-from host.calibrate.camera import LensCalibration, faults
 from host.calibrate.intrinsics import Corners, Solution, solve
+from host.calibrate.verdict import LensCalibration, faults
 from host.calibrate.views import Coverage
 from host.calibrate.watch import Watched, watch
 from host.camera.frame import Frame
