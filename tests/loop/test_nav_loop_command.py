@@ -81,6 +81,17 @@ def test_the_run_folder_holds_the_same_result_and_pictures_that_open(drive):
     assert min(cv2.imread(str(latest / "path.png")).shape[:2]) > 300
 
 
+def test_the_run_folder_holds_a_report_that_stands_alone_with_every_picture(drive):
+    folder, result = drive
+    latest = folder / "runs" / "latest"
+    text = (latest / "report.html").read_text()
+    assert len(text) < 2_000_000 and result["reason"] in text and "truth of the simulator" in text
+    assert text.count("data:image/jpeg;base64,") == len(result["pictures"]) >= 3
+    assert all((latest / picture["file"]).is_file() for picture in result["pictures"])
+    assert len(result["true_path"]) >= 8 and result["floor"]["png"] and result["settings"] == {}
+    assert result["trace"]["t_s"][-1] == pytest.approx(result["duration_s"], abs=0.3)
+
+
 def test_the_same_seed_gives_the_same_result_apart_from_times_also_as_a_module(drive, tmp_path):
     _, result = drive
     arguments = ["--camera", "sim:room?seed=3", "--max-time", "5", *PATIENT]
