@@ -148,19 +148,31 @@ def _edges(
 ) -> list[Sighting]:
     """Upright edges between two regions that both go on beyond the picture."""
     cut = {r.id: r for r in regions if r.touches_border and r.id in still}
-    found: list[tuple[Region, Region, np.ndarray]] = []
-    for region in cut.values():
-        for loop, beyond in zip(region.loops, region.loop_neighbours, strict=True):
-            step = np.roll(loop, -1, axis=0) - loop
-            # a region lies on the left of its outline where that goes up
-            up = (step[:, 1] < -LEAST_EDGE_PX) & (np.abs(step[:, 0]) < -2 * UPRIGHT * step[:, 1])
-            for k in np.nonzero(up & (beyond != OUTSIDE))[0]:
-                other = cut.get(int(beyond[k]))
-                if other is not None:
-                    found.append((region, other, np.array([loop[k], loop[(k + 1) % len(loop)]])))
+    if not cut:
+        return []
+    owners = [region for region in cut.values() for _ in region.loops]
+    loops = [loop for region in cut.values() for loop in region.loops]
+    ends = np.cumsum([len(loop) for loop in loops])  # where the next one begins
+    points = np.concatenate(loops)
+    beyond = np.concatenate([ids for region in cut.values() for ids in region.loop_neighbours])
+    after = np.arange(1, len(points) + 1)
+    after[ends - 1] = np.concatenate([[0], ends[:-1]])
+    step = points[after] - points
+    # a region lies on the left of its outline where that goes up
+    up = (
+        (step[:, 1] < -LEAST_EDGE_PX) & (np.abs(step[:, 0]) < -2 * UPRIGHT * step[:, 1]) & (beyond != OUTSIDE)
+    )
+    at = np.flatnonzero(up)
+    of = np.searchsorted(ends, at, side="right").tolist()
+    found = [
+        (owners[loop], cut[other], k)
+        for loop, other, k in zip(of, beyond[at].tolist(), at.tolist(), strict=True)
+        if other in cut
+    ]
     if not found:
         return []
-    rays = lens.to_rays(np.concatenate([ends for _, _, ends in found])).reshape(-1, 2, 2)
+    lowest = np.array([k for _, _, k in found])
+    rays = lens.to_rays(np.stack([points[lowest], points[after[lowest]]], axis=1)).reshape(-1, 2, 2)
     keys = [(left.id, right.id) for left, right, _ in found]
     out = []
     for (left, right, _), key, (low, top) in zip(found, keys, rays.tolist(), strict=True):

@@ -189,18 +189,20 @@ class Localiser:
     def _as_learnt(self, way: float, turn: float) -> tuple[float, float]:
         """What wheels of the sizes learnt did when wheels as configured would have done this."""
         track = self._body.track_cm
-        half = 0.5 * self._mean[RATIO]
-        return way + half * 0.5 * turn * track, (turn + 2 * half * way / track) * (1 + self._mean[TRACK])
+        ratio, scale = self._mean[RATIO : TRACK + 1].tolist()
+        half = 0.5 * ratio
+        return way + half * 0.5 * turn * track, (turn + 2 * half * way / track) * (1 + scale)
 
     def _predict(self, way: float, turn: float) -> None:
-        m, track = self._mean, self._body.track_cm
+        x, z, heading, ratio, scale = self._mean[: TRACK + 1].tolist()
+        track = self._body.track_cm
         true_way, true_turn = self._as_learnt(way, turn)
-        middle = m[HEADING] + true_turn / 2
+        middle = heading + true_turn / 2
         s, c = math.sin(middle), math.cos(middle)
-        m[X], m[Z], m[HEADING] = m[X] + true_way * s, m[Z] + true_way * c, m[HEADING] + true_turn
+        self._mean[: HEADING + 1] = x + true_way * s, z + true_way * c, heading + true_turn
         # derivatives of (x, z, heading) by heading, ratio, track
-        by_ratio_way, by_ratio_turn = 0.25 * turn * track, way / track * (1 + m[TRACK])
-        by_track_turn = turn + m[RATIO] * way / track
+        by_ratio_way, by_ratio_turn = 0.25 * turn * track, way / track * (1 + scale)
+        by_track_turn = turn + ratio * way / track
         dx, dz = true_way * c, -true_way * s
         f = np.array([
             [dx, by_ratio_way * s + dx * by_ratio_turn / 2, dx * by_track_turn / 2],
@@ -415,9 +417,11 @@ class Localiser:
 
     def _compare(self, sighting: Sighting, row: int) -> _News | None:
         """What a sighting says beyond what was expected of a landmark; None where that is behind."""
-        m, p, at = self._mean, self._cov, OWN + 2 * row
-        sine, cosine = math.sin(m[HEADING]), math.cos(m[HEADING])
-        dx, dz = m[at] - m[X] - self._ahead * sine, m[at + 1] - m[Z] - self._ahead * cosine
+        p, at = self._cov, OWN + 2 * row
+        own_x, own_z, heading = self._mean[: HEADING + 1].tolist()
+        x, z = self._mean[at : at + 2].tolist()
+        sine, cosine = math.sin(heading), math.cos(heading)
+        dx, dz = x - own_x - self._ahead * sine, z - own_z - self._ahead * cosine
         depth, side = dx * sine + dz * cosine, dx * cosine - dz * sine
         if depth < NEAREST_CM:
             return None
@@ -430,8 +434,9 @@ class Localiser:
         its = np.array([[across_x, across_z], [near_x, near_z]])
         ph = p[:, : HEADING + 1] @ own.T + p[:, at : at + 2] @ its.T
         s = own @ ph[: HEADING + 1] + its @ ph[at : at + 2]
+        (a, b), (_, d) = s.tolist()
         noise = self._noise(sighting)
-        a, b, d = s[0, 0] + noise[0], s[0, 1], s[1, 1] + noise[1]
+        a, d = a + noise[0], d + noise[1]
         inverse = np.array([[d, -b], [-b, a]]) / (a * d - b * b)
         news = np.array([sighting.across - u, sighting.near - w])
         return _News(float(news @ inverse @ news), news, ph, inverse)
