@@ -39,6 +39,10 @@ DOUBT = -0.5  # and what is left of that floor
 NEARER = 0.5  # a thing whose foot is below the picture is taken to be this part nearer than the border
 MEMORY_CM = 1500.0  # evidence fades to 1/e over so much travel
 MEMORY_RAD = 30.0  # or so much turning
+TURNS_RAD_S = 0.2  # who turns faster finds nothing new that moves
+RESTLESS = 3  # pictures that show something move nobody knows where to, until that is believed
+LEFT = -0.6  # log-odds of the floor that something left
+MOVER_CM = 30.0  # what stands no farther from where a mover should be, in its direction, is it
 BRIEF = 2.0  # what moves, and what nobody knows the place of, never counts for more
 PRESUMED = 1.0  # what is only presumed behind a surface never counts for more
 
@@ -79,6 +83,7 @@ class ObstacleMap:
         self.obstacles: dict[int, Obstacle] = {}
         self.movers: list[Mover] = []  # also for a while after they went out of sight
         self._tracks = Tracks()
+        self._restless: dict[int, int] = {}  # pictures one after the other in which a region's depth moved
         self._front_cm: dict[int, float] = {}  # before a region's mean depth
         self._half = side // 2 * config.cell_cm
         self.centres_cm = (np.arange(side) + 0.5) * config.cell_cm - self._half
@@ -96,6 +101,14 @@ class ObstacleMap:
     @property
     def occupied(self) -> np.ndarray:
         return self.evidence > OCCUPIED
+
+    @property
+    def lasting(self) -> np.ndarray:
+        """What is occupied, but for where something moves that will be gone."""
+        moving = {thing.region for thing in self.obstacles.values() if thing.moving}
+        moving |= {mover.region for mover in self.movers}
+        occupied = self.occupied
+        return occupied & ~(self.brief & np.isin(self.region, list(moving))) if moving else occupied
 
     @property
     def free(self) -> np.ndarray:
@@ -171,7 +184,9 @@ class ObstacleMap:
             mixed = self.floor.is_mixed(region.id)
             velocity = None if mixed else self._tracks.velocity(region.id, feet, pose.t_s)
             told = report.regions.get(region.id)
-            moving = velocity is not None or (told is not None and told.moving)
+            restless = self._restless.get(region.id, 0) + 1 if told is not None and told.moving else 0
+            self._restless[region.id] = restless
+            moving = velocity is not None or restless >= RESTLESS
             front = self._front_cm.get(region.id)
             found = stand_of(region.id, report, feet, picture, front, mixed, moving)
             if found is None or (found.how == AT_BORDER and self._remembers(found, feet)):
@@ -180,18 +195,44 @@ class ObstacleMap:
                 if (rest := found.where(~feet.cut)) is not None:
                     standing.append(rest)
                 continue
+            if not mixed and (mover := self._mover_at(found, feet, pose)) is not None:
+                # where that is, it knows better than its foot below the picture
+                movers.add(region.id)
+                velocity = mover.speed_cm_s * mover.ahead[0], mover.speed_cm_s * mover.ahead[1]
+                self.obstacles[region.id] = _obstacle(found, feet, pose.t_s, True, velocity)
+                continue
             standing.append(found)
             self._learn_front(found, report)
             if moving:
                 movers.add(region.id)
             self.obstacles[region.id] = _obstacle(found, feet, pose.t_s, moving, velocity)
         self.movers = self._tracks.movers
-        for region_id in movers:  # it is no longer where it was
-            self.evidence[(self.region == region_id) & (self.evidence > 0.0)] = 0.0
+        for region_id in movers:  # it is no longer where it was, and what it stood on is floor
+            self.evidence[(self.region == region_id) & (self.evidence > 0.0)] = LEFT
+        for mover in self.movers:
+            if mover.certain:
+                self.evidence[(self.region == mover.region) & self.brief & (self.evidence > 0.0)] = LEFT
         resting = tuple(one for one in standing if one.region not in movers)
         camera = float(pose.position_cm[0]), float(pose.position_cm[2])
         self.sight = Sight(feet, resting, camera, heading_of(pose), pose.t_s)
         self._paint(pose, lens, feet, standing, movers)
+
+    def _mover_at(self, found: Standing, feet: Feet, pose: Pose) -> Mover | None:
+        """A mover that should be where something is seen at the lower border, whatever the net calls it."""
+        if found.how != AT_BORDER or not self.movers:
+            return None
+        rays = feet.across[found.columns]
+        for mover in self.movers:
+            seen = mover.seen_between(pose) if mover.certain else None
+            if seen is None or not float(((rays > seen[0]) & (rays < seen[1])).mean()) > 0.5:
+                continue
+            if mover.nearest_cm(pose) < found.mean_cm + MOVER_CM:
+                return mover
+        return None
+
+    def keep_movers(self, before: ObstacleMap) -> None:
+        """What moved before all else was forgotten does so still."""
+        self._tracks.keep_movers(before._tracks)
 
     def _learn_front(self, standing: Standing, report: DepthReport) -> None:
         """By how much the front lies before the mean depth, from when the thing is seen to stand."""
@@ -213,15 +254,18 @@ class ObstacleMap:
         """Less is known of what was seen long ago, and of where it is after much travel and many turns."""
         t_s, heading = pose.t_s, heading_of(pose)
         x, z = float(pose.position_cm[0]), float(pose.position_cm[2])
+        turns = False
         if self._last is not None:
             last_s, last_x, last_z, last_heading = self._last
             turn = math.remainder(heading - last_heading, 2 * math.pi)
+            turns = abs(turn) > TURNS_RAD_S * max(t_s - last_s, 1e-3)
             age = max(0.0, t_s - last_s) / self.config.memory_s
             age += math.hypot(x - last_x, z - last_z) / MEMORY_CM + abs(turn) / MEMORY_RAD
             self.evidence *= math.exp(-age)
         self._last = t_s, x, z, heading
         self.obstacles = {k: o for k, o in self.obstacles.items() if t_s - o.t_s < 2 * self.config.memory_s}
-        self._tracks.forget(t_s)
+        self._tracks.forget(t_s, turns)
+        self._restless = {k: count for k, count in self._restless.items() if count}
         self._front_cm = {k: front for k, front in self._front_cm.items() if k in self.obstacles}
 
     # ---- the grid ----

@@ -40,6 +40,7 @@ class View:
     command: Command
     stage_ms: dict[str, float]  # real time by stage: net, depth, localise, map, steer
     smooth: Pose  # in a frame that never jumps: for comparing this frame with those shortly before
+    moving: tuple[tuple[float, float], ...] = ()  # between which x/z something that moves may be seen
 
 
 class Stages:
@@ -108,9 +109,10 @@ class Pilot:
             x, z, _ = body_of(here, self._body.camera_ahead_cm)
             self.map.stand_on(x, z)
             self.map.update(snapshot, depths, pose, self._lens, frame.image)
+        moving = tuple(rays for one in self.map.movers if (rays := one.seen_between(pose)) is not None)
         with stages.of("steer"):
             command = self._task.decide(self.map, here)
-        return View(frame, pose, odometry, snapshot, depths, command, stages.ms, smooth)
+        return View(frame, pose, odometry, snapshot, depths, command, stages.ms, smooth, moving)
 
     def decide(self, now_s: float) -> Command:
         """The command for ``now_s`` without a new frame: the robot is further on, the map as it was."""
@@ -124,7 +126,8 @@ class Pilot:
     def forget(self) -> None:
         """The robot is somewhere else than its wheels say: see and remember everything anew."""
         net, depth, nav = self._configs
-        self.map = ObstacleMap(self._body, nav)
+        before, self.map = self.map, ObstacleMap(self._body, nav)
+        self.map.keep_movers(before)
         self._net = Net(net, self._lens)
         self._depth = Estimator(self._lens, depth)
         self._last_rotation = None

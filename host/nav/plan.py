@@ -33,14 +33,14 @@ class Room:
     What lies off the map counts as of either kind.
     """
 
-    to_filled: np.ndarray
+    to_filled: np.ndarray  # what moves is not counted: it will be gone
     to_unseen: np.ndarray  # the nearest cell not known to be free, filled ones included
 
 
 def room_around(obstacle_map: ObstacleMap) -> Room:
     """Distances over the whole map."""
     cell = obstacle_map.config.cell_cm
-    return Room(_distance(~obstacle_map.occupied, cell), _distance(obstacle_map.free, cell))
+    return Room(_distance(~obstacle_map.lasting, cell), _distance(obstacle_map.free, cell))
 
 
 def _distance(inside: np.ndarray, cell_cm: float) -> np.ndarray:

@@ -48,6 +48,7 @@ SMALL = (32, 20)  # parts of the picture that are compared as a whole
 MEAN_LEVEL = 100.0
 OTHER_LEVELS = 10.0  # change of a part in brightness that shows something else
 OTHER_SHARE = 0.25  # of all parts
+LEAST_REST = 0.4  # of its columns must be free of what is known to move
 SOME_SHARE = 0.1  # of all parts, where regions are gone as well
 STILL_PX, STILL_CM = 2.0, 0.5  # motion by the wheels from picture to picture that changes no part as a whole
 TURN_COSTS = 2.0  # times the part of the picture that a turn brings in may be new
@@ -85,8 +86,9 @@ class _Points:
             pixels.append(loop[ends])
             z_cm.append(np.full(4, depth.silhouette_cm or depth.depth_cm))
         rays = lens.to_rays(np.concatenate(pixels))
-        xyz_cm = np.column_stack([rays, np.ones(len(rays))]) * np.concatenate(z_cm)[:, None]
-        all_ids = np.concatenate(ids)
+        rests = ~moves_at(rays[:, 0], view)
+        rays, all_z_cm, all_ids = rays[rests], np.concatenate(z_cm)[rests], np.concatenate(ids)[rests]
+        xyz_cm = np.column_stack([rays, np.ones(len(rays))]) * all_z_cm[:, None]
         order = np.argsort(all_ids)
         return _Points(view.dead_reckoning, all_ids[order], rays[order], xyz_cm[order])
 
@@ -139,6 +141,7 @@ class WheelWatch:
         self._from: _Points | None = None  # where ways begin
         self._last: _Points | None = None
         self._small: np.ndarray | None = None
+        self._moved = np.zeros(SMALL[0], bool)  # its columns in which something moved
         self._strange_ones = 0  # pictures in a row
         self._regions: dict[int, Region] = {}
         self._expected_px: deque[float] = deque(maxlen=RECENT)
@@ -157,12 +160,13 @@ class WheelWatch:
         now = self._last = _Points.of(view, self._lens)
         regions = {region.id: region for region in view.snapshot.regions}
         before, self._regions = self._regions, regions
-        changed = self._changed(view.frame.image)
+        changed = self._changed(view)
         if begin is None or last is None or now.pose.t_s - begin.pose.t_s > WINDOW_S:
             self._from = now
             return None
         found = self._other(changed, last.pose, now.pose)
-        if changed > SOME_SHARE:  # else it is the net that sees the same differently
+        calm = not self._moved.any()  # else it may be what moves that is another region now
+        if changed > SOME_SHARE and calm:  # or else it is the net that sees the same differently
             found = found or self._elsewhere(before, regions, last.pose, now.pose)
         short = ways_between(last, now, self._lens)
         found = found or self._strange(short, last, now)
@@ -185,20 +189,33 @@ class WheelWatch:
             "explain; carried away, or the camera was hit"
         )
 
-    def _changed(self, image: np.ndarray) -> float:
+    def _changed(self, view: View) -> float:
         """Share of the picture in which something else is seen, whatever the exposure.
 
-        What only moves by less than a part is as bright as before, or as what was beside it.
+        What only moves by less than a part is as bright as before, or as what was beside it. Where something
+        is known to move nothing is told by that; where it hides most of the picture, nothing at all.
         """
+        image = view.frame.image
         rows = -(-image.shape[0] // EVERY_ROW)
         small = _nav.tile_means(np.ascontiguousarray(image), EVERY_ROW, rows, *SMALL)
-        small *= MEAN_LEVEL / max(float(small.mean()), 1.0)
         before, self._small = self._small, small
-        if before is None:
+        moved, self._moved = self._moved, self._columns_of(view)
+        rest = ~(moved | self._moved)
+        if before is None or np.count_nonzero(rest) < LEAST_REST * SMALL[0]:
             return 0.0
+        small = small * (MEAN_LEVEL / max(float(small[:, rest].mean()), 1.0))
+        before = before * (MEAN_LEVEL / max(float(before[:, rest].mean()), 1.0))
         near = np.ones((3, 3), np.uint8)
-        off = cv2.max(small - cv2.dilate(before, near), cv2.erode(before, near) - small)
+        off = cv2.max(small - cv2.dilate(before, near), cv2.erode(before, near) - small)[:, rest]
         return np.count_nonzero(off > OTHER_LEVELS) / off.size
+
+    def _columns_of(self, view: View) -> np.ndarray:
+        """Parts of the picture, from left to right, in which something is known to move."""
+        if not view.moving:
+            return np.zeros(SMALL[0], bool)
+        middles = (np.arange(SMALL[0]) + 0.5) * self._lens.width / SMALL[0]
+        rays = self._lens.to_rays(np.column_stack([middles, np.full(SMALL[0], self._lens.cy)]))
+        return moves_at(rays[:, 0], view)
 
     def _other(self, changed: float, last: Pose, now: Pose) -> str | None:
         turned_px = abs(wrap(heading_of(now) - heading_of(last))) * self._lens.fx
@@ -260,6 +277,14 @@ class WheelWatch:
 
     def _heading_px(self, a: _Points, b: _Points) -> float:
         return self._lens.fx * math.hypot(a.pose.sigma_rot_rad, b.pose.sigma_rot_rad)
+
+
+def moves_at(rays_x: np.ndarray, view: View) -> np.ndarray:
+    """(N,) bool, at which x/z something that is known to move may be seen."""
+    moves = np.zeros(len(rays_x), bool)
+    for low, high in view.moving:
+        moves |= (rays_x > low) & (rays_x < high)
+    return moves
 
 
 def aims_of(a: _Points, pose: Pose, lens: Lens) -> tuple[np.ndarray, np.ndarray]:

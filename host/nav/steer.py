@@ -15,10 +15,11 @@ import numpy as np
 
 from host.nav import _nav
 from host.nav.config import NavConfig
+from host.nav.crossing import Crossing, best_crossing
 from host.nav.map import FREE, OCCUPIED, Obstacle, ObstacleMap
 from host.nav.odometry import body_of
 from host.nav.plan import Room, Way, at_points, find_way, room_around, tightest
-from host.nav.yielding import BACK_CM_S, BERTH_CM, nearest_threat
+from host.nav.yielding import BACK_CM_S, BERTH_CM, CROSSING_BERTH_CM, Course, Verdict, judge, unknown_mover
 from host.pose import Pose, wrap
 
 PLAN_EVERY_S = 0.5
@@ -30,6 +31,13 @@ SURE_SIGMAS = 2.0  # an obstacle may be nearer than measured by so many of its s
 FACE_RAD = math.radians(25)  # of a goal that something covers, before that is believed
 LINGER_S = 0.7  # it must be out of the way for so long
 PATIENCE_S = 4.0  # with what moves without a direction
+STANDS_CM = 2.0  # with less room before the line of something that moves it stands
+RENEW_S = 3.0  # where it waits it looks so often for a better place to cross,
+BETTER_CM = 12.0  # and goes there if it is so far away
+THERE_CM = 6.0  # it is where a crossing begins or ends
+BACK_FROM_CM = 10.0  # nearer than that by more than this it steps back to where it begins
+FACING_RAD = 0.15  # it looks across as straight as this
+WAY_STEP_CM = 40.0  # points of the way that are looked at for what moves
 BELIEVE_S = 1.5  # and so long it is looked at
 TURN_FROM_RAD = math.radians(18)  # off the aim by more than this: turn in place
 TURN_TO_RAD = math.radians(2.5)
@@ -58,11 +66,40 @@ class Command:
 
 @dataclass(frozen=True)
 class Wait:
-    """For something that moves to be gone."""
+    """For something that moves to be gone, nobody knows where to."""
 
     since_s: float
     last_s: float  # when it last came too near
     reason: str
+
+
+@dataclass(frozen=True)
+class Held:
+    """What something that moves leaves to the robot."""
+
+    command: Command | None  # to be obeyed at once
+    verdict: Verdict | None = None  # else it may go so far
+    back_cm: float = 0.0  # so far it may go back
+
+    @property
+    def stands(self) -> bool:
+        """Whether it has come as near as it may."""
+        return self.verdict is not None and self.verdict.room_cm < STANDS_CM
+
+
+@dataclass(frozen=True)
+class Cross:
+    """A crossing of the line of something that moves, and how far it is."""
+
+    crossing: Crossing
+    found_s: float
+    there: bool = False  # where it begins, waiting
+    under_way: bool = False  # across
+
+    @property
+    def aim(self) -> tuple[float, float]:
+        """(x, z) to go next."""
+        return self.crossing.end if self.there or self.under_way else self.crossing.begin
 
 
 @dataclass(frozen=True)
@@ -72,7 +109,9 @@ class Plan:
     way: Way | None = None  # None: nothing leads nearer to the goal
     made_s: float = -math.inf
     found_s: float = -math.inf  # when the way was searched for
-    wait: Wait | None = None  # for something that moves
+    wait: Wait | None = None  # for something that moves nobody knows where to
+    v_cm_s: float = 0.0  # forward speed last told
+    cross: Cross | None = None  # of the line of something that moves
     unseen: bool = False  # the piece to the aim leads over floor that nobody has seen
     aim: tuple[float, float] | None = None
     piece_from: tuple[float, float] | None = None  # where the present straight piece began; None: turning
@@ -163,24 +202,48 @@ def decide(
     if to_goal <= config.goal_tolerance_cm:
         return Command(0.0, 0.0, f"goal reached, {to_goal:.0f} cm off", "goal"), plan
 
-    yielding, wait = give_way(plan.wait, obstacle_map, camera)
-    plan = replace(plan, wait=wait)
-    if yielding is not None:
-        return yielding, replace(plan, piece_from=None, lost_s=None)
+    points = _meant(plan, (x, z), goal_cm) if plan.cross is None else (plan.cross.aim,)
+    berth = CROSSING_BERTH_CM if plan.cross is not None and plan.cross.under_way else BERTH_CM
+    held, wait = give_way(plan.wait, obstacle_map, camera, plan.v_cm_s, points, berth)
+    plan = replace(plan, wait=wait, v_cm_s=0.0)
+    if held.command is not None:
+        v_cm_s = held.command.v_mm_s / 10
+        return held.command, replace(plan, piece_from=None, lost_s=None, v_cm_s=v_cm_s)
     if not plan.begun:
         plan = replace(plan, start=plan.start or (x, z))
         ahead = look_ahead(obstacle_map, x, z, heading)
-        if math.dist(plan.start or (x, z), (x, z)) < FIRST_CM and ahead.room_cm > FIRST_ROOM_CM:
+        first = math.dist(plan.start or (x, z), (x, z)) < FIRST_CM
+        if first and ahead.room_cm > FIRST_ROOM_CM and not held.stands:
             reason = f"creep: first steps to give depth its baseline, {ahead.room_cm:.0f} cm free ahead"
             return Command(10 * config.creep_cm_s, 0.0, reason), plan
         plan = replace(plan, begun=True)
 
-    plan = _planned(plan, obstacle_map, camera.t_s, (x, z), heading, goal_cm)
-    if plan.way is None:
-        return _no_way(plan, camera.t_s, heading, obstacle_map, (x, z), goal_cm)
-    plan = replace(plan, lost_s=None, looked_rad=0.0)
+    command, plan = _cross(plan, held, obstacle_map, camera.t_s, (x, z), heading)
+    if command is not None:
+        return command, plan
+    return _go(plan, held, obstacle_map, camera.t_s, (x, z), heading, goal_cm)
 
-    aim = plan.aim or goal_cm
+
+def _go(
+    plan: Plan,
+    held: Held,
+    obstacle_map: ObstacleMap,
+    t_s: float,
+    here: tuple[float, float],
+    heading: float,
+    goal_cm: tuple[float, float],
+    again: bool = False,
+) -> tuple[Command, Plan]:
+    """Turn towards the next aim, or on towards it; where that is shut, at once towards another one."""
+    config, (x, z) = obstacle_map.config, here
+    if plan.cross is None:
+        plan = _planned(plan, obstacle_map, t_s, here, heading, goal_cm)
+        if plan.way is None:
+            return _no_way(plan, t_s, heading, obstacle_map, here, goal_cm)
+    plan = replace(plan, lost_s=None, looked_rad=0.0)
+    way = () if plan.way is None else plan.way.points
+
+    aim = plan.cross.aim if plan.cross is not None else plan.aim or goal_cm
     error = wrap(_bearing((x, z), aim) - heading)
     if error < -ALL_ROUND_RAD:  # almost straight behind: always to the right, so as not to dither
         error += 2 * math.pi
@@ -193,17 +256,23 @@ def decide(
         side = "right" if error > 0 else "left"
         omega = math.copysign(min(config.turn_rad_s, max(SLOWEST_TURN_RAD_S, 1.5 * abs(error))), error)
         reason = f"turn {side} by {abs(math.degrees(error)):.0f} deg towards the aim{because}"
-        return Command(0.0, omega, reason, way=plan.way.points), replace(plan, piece_from=None)
+        return Command(0.0, omega, reason, way=way), replace(plan, piece_from=None)
 
     piece_from = plan.piece_from or (x, z)
     plan = replace(plan, piece_from=piece_from)
     ahead = look_ahead(obstacle_map, x, z, heading)
     v, reason = speed_ahead(ahead, obstacle_map)
+    if v == 0.0 and ahead.obstacle is not None and ahead.obstacle.moving:  # it will be gone
+        return Command(0.0, 0.0, reason), plan
     if v == 0.0:  # the plan must lead elsewhere
-        return Command(0.0, 0.0, reason), replace(plan, piece_from=None, made_s=-math.inf, way=None, aim=None)
+        plan = replace(plan, piece_from=None, made_s=-math.inf, way=None, aim=None, cross=None)
+        if again:
+            return Command(0.0, 0.0, reason), plan
+        return _go(plan, held, obstacle_map, t_s, here, heading, goal_cm, again=True)
     omega = max(-BEND_RAD_S, min(BEND_RAD_S, 1.0 * error))
     v *= 1 - 0.7 * min(1.0, abs(error) / TURN_FROM_RAD)  # so that the bend stays near the line
-    return Command(10 * v, omega, reason, way=plan.way.points), plan
+    v, reason = up_to(held, config, v, reason)
+    return Command(10 * v, omega, reason, way=way), replace(plan, v_cm_s=v)
 
 
 def brakeable_cm_s(config: NavConfig, distance_cm: float) -> float:
@@ -237,31 +306,159 @@ def speed_ahead(ahead: Ahead, obstacle_map: ObstacleMap, keep_cm: float | None =
 
 
 def give_way(
-    wait: Wait | None, obstacle_map: ObstacleMap, camera: Pose
-) -> tuple[Command | None, Wait | None]:
-    """Stand, or step back, while something that moves comes too near; None where nothing does.
+    wait: Wait | None,
+    obstacle_map: ObstacleMap,
+    camera: Pose,
+    v_cm_s: float,
+    points: tuple[tuple[float, float], ...],
+    berth_cm: float = BERTH_CM,
+) -> tuple[Held, Wait | None]:
+    """What is left to do while something moves: all, to go up to its line, to stand, or to get out of it.
 
     For what only seems to move, and nobody knows where to, nobody waits for ever.
+
+    Parameters
+    ----------
+    wait : what the last call left behind.
+    v_cm_s : forward speed that was told last.
+    points : (x, z) that the robot means to pass.
+    berth_cm : that it keeps from where something that moves can be.
     """
     body, config, t_s = obstacle_map.body, obstacle_map.config, camera.t_s
     x, z, heading = body_of(camera, body.camera_ahead_cm)
-    threat = nearest_threat(obstacle_map, x, z, heading, t_s, config.speed_cm_s)
-    since = t_s if wait is None else wait.since_s
-    if threat is not None and threat.obstacle.velocity_cm_s is None and t_s - since > PATIENCE_S:
-        return None, wait
-    if threat is None:
-        if wait is None or t_s - wait.last_s > LINGER_S:
-            return None, None
-        return Command(0.0, 0.0, wait.reason), wait
-    reason = f"stop: {threat} crosses ahead, giving way"
-    if threat.standing_cm < BERTH_CM and threat.back_cm > threat.standing_cm + 1.0:
+    movers, things = obstacle_map.movers, list(obstacle_map.obstacles.values())
+    if movers:
+        ahead = look_ahead(obstacle_map, x, z, heading)
         behind = look_ahead(obstacle_map, x, z, wrap(heading + math.pi))
-        known = min(behind.room_cm, behind.unseen_cm)
-        v = min(BACK_CM_S, brakeable_cm_s(config, known - config.clearance_cm))
-        if v > 1.0:
-            back = f"stepping back: {threat} comes this way"
-            return Command(-10 * v, 0.0, back), Wait(since, t_s, reason)
-    return Command(0.0, 0.0, reason), Wait(since, t_s, reason)
+        passing = ahead.obstacle is not None and ahead.obstacle.moving  # it will be gone
+        open_ahead = passing or (ahead.obstacle is None and not ahead.edge)
+        room = math.inf if open_ahead else ahead.room_cm - config.clearance_cm
+        back = min(behind.room_cm, behind.unseen_cm) - config.clearance_cm
+        unseen = math.inf if passing else ahead.unseen_cm  # it goes over floor
+        course = Course((x, z), heading, v_cm_s, points, room, unseen, back, berth_cm)
+        verdict = judge(movers, course, body, config, t_s)
+        if verdict is not None:
+            return Held(_leave(verdict, obstacle_map, ahead, back), verdict, back), None
+    thing = unknown_mover(things, movers, (x, z), heading, body.radius_cm, t_s)
+    since = t_s if wait is None else wait.since_s
+    if thing is not None:
+        reason = f"stop: {thing} crosses ahead, giving way"
+        wait = Wait(since, t_s, reason)
+        return Held(Command(0.0, 0.0, reason) if t_s - since <= PATIENCE_S else None), wait
+    if wait is None or t_s - wait.last_s > LINGER_S or t_s - since > PATIENCE_S:
+        return Held(None), None
+    return Held(Command(0.0, 0.0, wait.reason)), wait
+
+
+def _leave(verdict: Verdict, obstacle_map: ObstacleMap, ahead: Ahead, back_cm: float) -> Command | None:
+    """On or back out of the line of something that moves; None where the robot may stay."""
+    if verdict.leave == 0:
+        return None
+    config = obstacle_map.config
+    v = speed_ahead(ahead, obstacle_map)[0] if verdict.leave > 0 else 0.0
+    if v > 0.0:
+        return Command(10 * v, 0.0, f"on, out of its way: {verdict} comes this way")
+    v = min(BACK_CM_S, brakeable_cm_s(config, back_cm))
+    if v > 1.0:
+        return Command(-10 * v, 0.0, f"stepping back: {verdict} comes this way")
+    return Command(0.0, 0.0, f"stop: {verdict} comes this way, giving way")
+
+
+def _cross(
+    plan: Plan,
+    held: Held,
+    obstacle_map: ObstacleMap,
+    t_s: float,
+    here: tuple[float, float],
+    heading: float,
+) -> tuple[Command | None, Plan]:
+    """Go to where a line that holds the robot up is best crossed, wait there, cross; no command: go on."""
+    cross, movers = plan.cross, obstacle_map.movers
+    if (cross is None and not held.stands) or not movers:
+        return None, replace(plan, cross=None)
+    if cross is not None and cross.under_way:
+        if math.dist(here, cross.crossing.end) < THERE_CM:
+            return None, replace(plan, cross=None, made_s=-math.inf, way=None, aim=None)
+        if not held.stands:
+            return None, plan
+        cross = None
+    if cross is not None and cross.there and held.verdict is None:
+        return None, replace(plan, cross=replace(cross, under_way=True), piece_from=None)
+    if cross is None or ((cross.there or held.stands) and t_s - cross.found_s > RENEW_S):
+        found = _best_crossing(obstacle_map, here)
+        if found is None:
+            return _watch(held, heading, heading, obstacle_map), replace(plan, cross=None, piece_from=None)
+        if cross is None or abs(found.aside_cm(cross.crossing.begin)) > BETTER_CM:
+            cross = Cross(found, t_s)
+        cross = replace(cross, found_s=t_s)
+    aside = cross.crossing.aside_cm(here)
+    if not cross.there and not held.stands and abs(aside) > THERE_CM:
+        return None, replace(plan, cross=cross)
+    cross = replace(cross, there=True)
+    plan = replace(plan, cross=cross, piece_from=None)
+    if held.verdict is not None and (back := _back_off(held, cross.crossing, obstacle_map, here, heading)):
+        return back, replace(plan, v_cm_s=back.v_mm_s / 10)
+    return _watch(held, heading, cross.crossing.heading, obstacle_map), plan
+
+
+def _back_off(
+    held: Held, crossing: Crossing, obstacle_map: ObstacleMap, here: tuple[float, float], heading: float
+) -> Command | None:
+    """Back to where the feet of what comes by are in the picture; None where it is there, or cannot."""
+    off = math.dist(here, crossing.end) - math.dist(crossing.begin, crossing.end)
+    if off > -BACK_FROM_CM or abs(wrap(crossing.heading - heading)) > FACING_RAD:
+        return None
+    v = min(BACK_CM_S, brakeable_cm_s(obstacle_map.config, min(-off, held.back_cm)))
+    return Command(-10 * v, 0.0, f"stepping back to see {held.verdict} come by") if v > 1.0 else None
+
+
+def _best_crossing(obstacle_map: ObstacleMap, here: tuple[float, float]) -> Crossing | None:
+    """Of the line of what moves nearest."""
+    near = {k: float(one.least_gap_cm(np.array([here]))[0]) for k, one in enumerate(obstacle_map.movers)}
+    mover = obstacle_map.movers[min(near, key=lambda k: (not obstacle_map.movers[k].certain, near[k]))]
+    room = room_around(obstacle_map)
+
+    def is_open(start: tuple[float, float], end: tuple[float, float]) -> bool:
+        return _clear(obstacle_map, room, start, end, over_unseen=True)
+
+    return best_crossing(mover, here, obstacle_map.body, obstacle_map.config, is_open)
+
+
+def _watch(held: Held, heading: float, across: float, obstacle_map: ObstacleMap) -> Command:
+    """Stand outside the line of something that moves, and look across it."""
+    off = wrap(across - heading)
+    thing = "something" if held.verdict is None else str(held.verdict)
+    if abs(off) > FACING_RAD:
+        omega = min(obstacle_map.config.turn_rad_s, max(SLOWEST_TURN_RAD_S, 1.5 * abs(off)))
+        return Command(0.0, math.copysign(omega, off), f"turn to watch {thing}, giving way")
+    return Command(0.0, 0.0, f"stop: {thing} crosses ahead, giving way")
+
+
+def up_to(held: Held, config: NavConfig, v_cm_s: float, reason: str) -> tuple[float, str]:
+    """A forward speed and its reason, no faster than lets it stop before the line of something that moves."""
+    if held.verdict is None:
+        return v_cm_s, reason
+    most = brakeable_cm_s(config, held.verdict.room_cm)
+    if v_cm_s <= most:
+        return v_cm_s, reason
+    return most, f"slow: {held.verdict} crosses ahead, giving way"
+
+
+def _meant(
+    plan: Plan, here: tuple[float, float], goal_cm: tuple[float, float]
+) -> tuple[tuple[float, float], ...]:
+    """(x, z) that the plan leads by: its aim, and what is left of its way beyond that."""
+    if plan.aim is None or plan.way is None:
+        return ()
+    aim, way = plan.aim, plan.way.points
+    points = [aim]
+    nearest = min(range(len(way)), key=lambda k: math.dist(way[k], aim))
+    for point in way[nearest + 1 :]:
+        if math.dist(point, points[-1]) > WAY_STEP_CM:
+            points.append(point)
+    if plan.way.to_goal and math.dist(points[-1], goal_cm) > WAY_STEP_CM / 4:
+        points.append(goal_cm)
+    return tuple(p for k, p in enumerate(points) if k or math.dist(p, here) > 5.0)
 
 
 def _planned(
@@ -358,8 +555,9 @@ def _side_step(obstacle_map: ObstacleMap, here, aim) -> tuple[float, float]:
     wanted = _bearing(here, aim)
     for k in range(2 * math.ceil(math.pi / SIDE_STEP_RAD)):
         heading = wanted + (k + 1) // 2 * (SIDE_STEP_RAD if k % 2 else -SIDE_STEP_RAD)
-        room = look_ahead(obstacle_map, here[0], here[1], heading).room_cm
-        if room > LEAST_ROOM_CM:
+        ahead = look_ahead(obstacle_map, here[0], here[1], heading)
+        room = ahead.room_cm
+        if room > LEAST_ROOM_CM or (ahead.obstacle is not None and ahead.obstacle.moving):
             length = min(room, obstacle_map.config.piece_cm) if k else math.dist(here, aim)
             return here[0] + length * math.sin(heading), here[1] + length * math.cos(heading)
     return aim
@@ -410,7 +608,7 @@ def _cover_of(obstacle_map: ObstacleMap, goal_cm: tuple[float, float]) -> str | 
     n = math.ceil((reach + obstacle_map.body.radius_cm) / config.cell_cm) + 2
     row, col = obstacle_map.cell_of(*goal_cm)
     window = slice(max(0, row - n), row + n + 1), slice(max(0, col - n), col + n + 1)
-    rows, cols = np.nonzero(obstacle_map.occupied[window])
+    rows, cols = np.nonzero(obstacle_map.lasting[window])
     if len(rows) == 0:
         return None
     rows, cols = rows + window[0].start, cols + window[1].start

@@ -29,6 +29,7 @@ from host.nav.steer import (
     give_way,
     look_ahead,
     speed_ahead,
+    up_to,
 )
 from host.pose import Pose, wrap
 
@@ -189,6 +190,7 @@ class Approach:
         self._start: tuple[float, float] | None = None
         self._stands_s: float | None = None  # since when
         self._wait: Wait | None = None
+        self._v_cm_s = 0.0  # forward speed last told
         self._back_from: tuple[float, float] | None = None  # where it began to step back for a better look
         self._back_s: float | None = None  # when it had
         self._looked_again = False
@@ -200,9 +202,12 @@ class Approach:
         self._start = self._start or (x, z)
         omega = max(-HOLD_RAD_S, min(HOLD_RAD_S, HOLD_GAIN * wrap(self._heading - heading)))
         profile = self._seen(obstacle_map, (x, z))
-        yielding, self._wait = give_way(self._wait, obstacle_map, camera)
-        if yielding is not None:
-            return yielding
+        held, self._wait = give_way(self._wait, obstacle_map, camera, self._v_cm_s, ())
+        self._v_cm_s = 0.0
+        if held.command is not None:
+            return held.command
+        if held.verdict is not None and held.stands:
+            return Command(0.0, 0.0, f"stop: {held.verdict} crosses ahead, giving way")
         if (back := self._step_back(obstacle_map, camera.t_s, (x, z), heading)) is not None:
             return back
         ahead, met = self._ahead(obstacle_map, profile, (x, z), heading)
@@ -218,6 +223,8 @@ class Approach:
         too_near = ahead.obstacle is not None and ahead.obstacle.how == AT_BORDER
         if v > 0.0 and not too_near:
             self._stands_s = None
+            v, reason = up_to(held, config, v, reason)
+            self._v_cm_s = v
             return Command(10 * v, omega, reason)
         self._stands_s = camera.t_s if self._stands_s is None else self._stands_s
         if camera.t_s - self._stands_s < SETTLE_S:

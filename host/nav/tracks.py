@@ -1,9 +1,7 @@
-"""Which things move, and how: along a straight line, perhaps to and fro.
+"""Which things move: each is followed by its own foot on the floor, for depth from motion is wrong of them.
 
-A thing is followed by its foot on the floor alone, for depth from the robot's own motion is wrong of what
-moves. Only edges that are its own count: not where the picture ends or something nearer hides the rest. What
-moves evenly, and too fast for an error, is a mover; the line on which it goes, how fast, and where it turns
-round is kept for a while after it has left the view.
+Only edges that are its own count: not where the picture ends or something nearer hides the rest. What moves
+evenly, and too fast for an error, is a mover; its line is kept for a while after it has left the view.
 """
 
 from __future__ import annotations
@@ -11,121 +9,41 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
+from host.nav.mover import SIGMA_RAY, Mover, Sight
 from host.nav.stand import CUT_PART, Feet, quantile
 
-OVER_S = 0.7  # a velocity is that over so long
+OVER_S = 0.7  # a velocity across the view is that over so long
+ALONG_S = 1.5  # and one along it, where feet are known less well
 LEAST_S = 0.3
 LEAST_SIGHTINGS = 5
 FASTEST_CM_S = 40.0  # what is faster are regions that merge or split
 ASIDE_CM_S = 6.0  # across the view what stands still never wanders as fast
 ASIDE_SHARE = 0.06  # nor by more than this part of its distance in a second
-ALONG_CM_S = 10.0  # along it errors of the foot do more
-ALONG_SHARE = 0.12
+ALONG_CM_S = 8.0
+ALONG_SIGMAS = 2.5  # along it, it must have gone farther than a foot may be off
 SURE_SIGMAS = 4.0
 STRAY_CM = 1.5  # rms of the places about an even motion across the view
 STRAY_SHARE = 0.06  # and along it, of the distance
 UNLIKE = 0.35  # both edges go as fast, but for this part
+ONE_EDGE_CM = 7.0  # of something of which one edge alone is seen, that must go as far
+ONE_EDGE_SHARE = 0.08  # and this part of its distance
 FARTHEST_CM = 220.0
 WIDEST_CM = 60.0  # what is wider is furniture
 HALF_CM = 9.0  # of something of which only one edge was ever seen
 HIDES = 0.96  # what is nearer than this part of its distance hides a part of a thing
 LEAST_COLUMNS = 3
 CONFIRMED = 3  # even motions one after the other, until it counts as a mover
-REMEMBERED_S = 14.0  # a mover out of sight
-BRIEFLY_S = 2.0  # one that has not yet been seen to go far
-FORESEEN_S = 20.0  # one of which it is known where it turns round, on both sides
-LINE_S = 25.0  # where it would be looked for if it came back
+LINE_S = 30.0  # where it would be looked for if it came back
 NEAR_CM = 60.0  # the foot of what stands nearer may be below the picture
 ABOUT_CM = 15.0  # it is then taken for the mover that should be so near to there
 BESIDE_CM = 25.0  # the same mover comes back on its line, off by so much
 LIKE_RAD = math.radians(35)
-TURNED_CM = 7.0  # so much behind where it should be: it has turned round
-STILL_CM = 2.5  # who goes no farther in OVER_S stands
-LONG_CM = 15.0  # a way this long tells direction and speed
-LONG_S = 0.8
-LEG_GAP_S = 1.5  # out of sight for longer: it may have turned round twice
-PLACES_APART_CM = 3.0
-MOST_PLACES = 80
-
-
-@dataclass(frozen=True)
-class Mover:
-    """Something that moves along a line.
-
-    Attributes
-    ----------
-    region : last seen as this
-    t_s : when
-    origin_cm, ahead : a point (x, z) of the line and its direction
-    at_cm, speed_cm_s : along the line from there; the speed is negative on the way back
-    half_cm : half its width
-    low_cm, high_cm : where it turns round, as far as that has shown
-    seen : even motions that were seen
-    places_cm : (x, z) where it was, the newest last
-    leg : (time, place on the line) since when it has gone this way
-    """
-
-    region: int
-    t_s: float
-    origin_cm: tuple[float, float]
-    ahead: tuple[float, float]
-    at_cm: float
-    speed_cm_s: float
-    half_cm: float
-    low_cm: float | None = None
-    high_cm: float | None = None
-    seen: int = 1
-    places_cm: tuple[tuple[float, float], ...] = ()
-    leg: tuple[float, float] | None = None
-
-    @property
-    def lasts_s(self) -> float:
-        """So long after it was last seen it is reckoned with."""
-        low, high = self.least_reach_cm
-        if high - low < LONG_CM:
-            return BRIEFLY_S
-        return REMEMBERED_S if self.low_cm is None or self.high_cm is None else FORESEEN_S
-
-    @cached_property
-    def least_reach_cm(self) -> tuple[float, float]:
-        """Between where and where on its line it has been: it will hardly turn round before."""
-        been = [self.along(x, z)[0] for x, z in self.places_cm] or [self.at_cm]
-        return min([*been, self.at_cm]), max([*been, self.at_cm])
-
-    def along(self, x_cm: float, z_cm: float) -> tuple[float, float]:
-        """(along the line, beside it) of a place."""
-        dx, dz = x_cm - self.origin_cm[0], z_cm - self.origin_cm[1]
-        return dx * self.ahead[0] + dz * self.ahead[1], dx * self.ahead[1] - dz * self.ahead[0]
-
-    def place(self, t_s: float) -> float:
-        """Where on the line it should be if it goes on and turns round where it did before."""
-        at = self.at_cm + self.speed_cm_s * (t_s - self.t_s)
-        low = -math.inf if self.low_cm is None else self.low_cm
-        high = math.inf if self.high_cm is None else self.high_cm
-        while at < low or at > high:
-            if high - low < 1.0:
-                return (low + high) / 2
-            at = 2 * low - at if at < low else 2 * high - at
-        return at
-
-    def seen_at(self, at_cm: float, t_s: float, region: int, back: bool | None = None) -> Mover:
-        """Told where it is now, and if known whether it is on the way back; it may have turned round."""
-        gone = self.speed_cm_s * (t_s - self.t_s)
-        was_back = self.speed_cm_s < 0
-        if back is None:
-            behind = -(at_cm - self.at_cm - gone) if not was_back else at_cm - self.at_cm - gone
-            back = was_back != (behind > TURNED_CM)
-        low, high, speed = self.low_cm, self.high_cm, self.speed_cm_s
-        if back != was_back:
-            end = (self.at_cm + at_cm + gone) / 2
-            low, high, speed = (end, high, -speed) if was_back else (low, end, -speed)
-        low = low if low is None else min(low, at_cm)
-        high = high if high is None else max(high, at_cm)
-        return replace(self, region=region, t_s=t_s, at_cm=at_cm, low_cm=low, high_cm=high, speed_cm_s=speed)
+STILL_CM = 2.5  # who goes no farther across the view in ALONG_S stands
+LONG_HELD_S = 6.0
+HELD_S = 1.0  # a region that moved still does, so long after that was last seen
 
 
 @dataclass(frozen=True)
@@ -136,6 +54,7 @@ class _Sight:
     left: tuple[float, float] | None
     right: tuple[float, float] | None
     depth_cm: float
+    sigma_cm: float  # along the view
     ray: tuple[float, float]  # unit vector from the camera to it
 
 
@@ -144,49 +63,47 @@ class Tracks:
 
     def __init__(self) -> None:
         self._seen: dict[int, deque[_Sight]] = {}
-        self._candidates: list[Mover] = []
-        self._t_s = -math.inf
+        self._known = Movers()
+        self._turns = False
 
     @property
     def movers(self) -> list[Mover]:
         """What surely moves, also if it is out of sight."""
-        return [m for m in self._candidates if m.seen >= CONFIRMED and self._t_s - m.t_s < m.lasts_s]
+        return self._known.sure
+
+    def keep_movers(self, others: Tracks) -> None:
+        """Remember what somebody else knows to move."""
+        self._known = others._known
 
     def velocity(self, region: int, feet: Feet, t_s: float) -> tuple[float, float] | None:
         """(x, z) in cm/s of a thing that surely moves, None otherwise; told of every region once a frame."""
         sight = _sight_of(region, feet, t_s)
         if sight is None:
             self._see_on_line(region, feet, t_s)
-            return self._known(region, t_s)
+            return self._known.velocity(region, t_s)
         seen = self._seen.setdefault(region, deque())
         seen.append(sight)
-        while seen[-1].t_s - seen[0].t_s > OVER_S:
+        while seen[-1].t_s - seen[0].t_s > ALONG_S:
             seen.popleft()
-        velocity = _even_motion(list(seen), known=self._known(region, t_s) is not None)
-        place, half = self._disc(sight, region)
+        known = self._known.velocity(region, t_s) is not None
+        velocity = _even_motion(list(seen), known) if known or not self._turns else None
+        place, half = _disc(sight, self._known.half_cm(region))
         if velocity is not None:
-            self._note(region, t_s, place, velocity, half)
+            self._known.note(region, place, velocity, half)
             return velocity
-        for k, mover in enumerate(self._candidates):
-            if mover.region == region and t_s - mover.t_s < 1.0:
-                at, beside = mover.along(*place)
-                if abs(beside) < BESIDE_CM:
-                    self._candidates[k] = mover.seen_at(at, t_s, region)
-                if self._stands(seen):
-                    del self._candidates[k]
-                    return None
-                break
-        return self._known(region, t_s)
+        if _stands(seen):
+            self._known.drop(region)
+            return None
+        self._known.glimpse(region, place)
+        return self._known.velocity(region, t_s)
 
-    def forget(self, t_s: float) -> None:
-        """What was not seen for a while."""
+    def forget(self, t_s: float, turns: bool = False) -> None:
+        """What was not seen for a while; where the robot turns nothing that moves is found anew."""
+        if self._turns and not turns:
+            self._seen.clear()
+        self._turns = turns
         self._seen = {k: seen for k, seen in self._seen.items() if t_s - seen[-1].t_s < OVER_S}
-        self._t_s = t_s
-        self._candidates = [
-            mover
-            for mover in self._candidates
-            if t_s - mover.t_s < (LINE_S if mover.seen >= CONFIRMED else 1.0)
-        ]
+        self._known.forget(t_s)
 
     def _see_on_line(self, region: int, feet: Feet, t_s: float) -> None:
         """Something whose foot is below the picture, on a line that is known, where the mover should be."""
@@ -195,99 +112,124 @@ class Tracks:
             return
         middle = int(columns[len(columns) // 2])
         eye, far = np.array(feet.point(middle, 0.0)), np.array(feet.point(middle, 100.0))
-        for k, mover in enumerate(self._candidates):
-            if mover.seen < CONFIRMED:
-                continue
+        for mover in self._known.sure:
             (at0, off0), (at1, off1) = mover.along(*eye), mover.along(*far)
             part = off0 / (off0 - off1) if abs(off0 - off1) > 1.0 else -1.0
             if not 0.0 < part * 100.0 < NEAR_CM or feet.width_cm(columns, part * 100.0) > 4 * mover.half_cm:
                 continue
             at = at0 + part * (at1 - at0)
-            if abs(at - mover.place(t_s)) < ABOUT_CM + 0.2 * abs(mover.speed_cm_s) * (t_s - mover.t_s):
-                self._candidates[k] = mover.seen_at(at, t_s, region)
+            low, high = mover.reach(np.array([t_s]))
+            if low[0] - ABOUT_CM < at < high[0] + ABOUT_CM:
+                x, z = eye + part * (far - eye)
+                ray = (far - eye) / np.hypot(*(far - eye))
+                self._known.seen_on_line(mover, region, Sight(t_s, x, z, (ray[0], ray[1]), part * 100.0))
                 return
 
-    def _known(self, region: int, t_s: float) -> tuple[float, float] | None:
-        for mover in self.movers:
-            if mover.region == region and t_s - mover.t_s < 1.0:
+
+class Movers:
+    """The movers that are remembered, and those that may prove to be some."""
+
+    def __init__(self) -> None:
+        self._all: list[Mover] = []
+        self._t_s = -math.inf
+
+    @property
+    def sure(self) -> list[Mover]:
+        """What surely moves, also if it is out of sight."""
+        return [m for m in self._all if m.seen >= CONFIRMED and self._t_s - m.t_s < m.lasts_s]
+
+    def velocity(self, region: int, t_s: float) -> tuple[float, float] | None:
+        """(x, z) in cm/s of a region that was lately seen to move; of what surely does, not so lately."""
+        for mover in self._all:
+            held_s = LONG_HELD_S if mover.certain else HELD_S
+            if mover.region == region and mover.seen >= CONFIRMED and t_s - mover.t_s < held_s:
                 return mover.speed_cm_s * mover.ahead[0], mover.speed_cm_s * mover.ahead[1]
         return None
 
-    def _stands(self, seen: deque[_Sight]) -> bool:
-        ends = [s.left or s.right for s in seen]
-        points = np.array([p for p in ends if p is not None])
-        long = seen[-1].t_s - seen[0].t_s > 0.9 * OVER_S
-        return long and float(np.ptp(points, axis=0).max()) < STILL_CM
+    def half_cm(self, region: int) -> float:
+        """Half the width of a region, if it is known to move."""
+        return next((m.half_cm for m in self._all if m.region == region), HALF_CM)
 
-    def _disc(self, sight: _Sight, region: int) -> tuple[tuple[float, float], float]:
-        """Middle and radius of something as round as it is wide, its front towards the robot."""
-        known = next((m.half_cm for m in self._candidates if m.region == region), HALF_CM)
-        ray = np.array(sight.ray)
-        across = np.array([ray[1], -ray[0]])  # to the right
-        if sight.left is not None and sight.right is not None:
-            half = max(math.dist(sight.left, sight.right) / 2, 1.0)
-            middle = (np.array(sight.left) + sight.right) / 2
-        elif sight.left is not None:
-            half, middle = known, np.array(sight.left) + known * across
-        else:
-            half, middle = known, np.array(sight.right) - known * across
-        middle = middle + half * ray
-        return (float(middle[0]), float(middle[1])), half
-
-    def _note(self, region: int, t_s: float, place, velocity, half: float) -> None:
+    def note(self, region: int, place: Sight, velocity: tuple[float, float], half_cm: float) -> None:
         """An even motion was seen: of a mover that is known, or of a new one."""
         speed = math.hypot(*velocity)
-        for k, mover in enumerate(self._candidates):
-            at, beside = mover.along(*place)
+        for k, mover in enumerate(self._all):
+            at, beside = mover.along(place.x_cm, place.z_cm)
             cosine = (velocity[0] * mover.ahead[0] + velocity[1] * mover.ahead[1]) / speed
-            far = abs(mover.speed_cm_s) * (t_s - mover.t_s) * 1.5 + BESIDE_CM
+            low, high = mover.reach(np.array([place.t_s]))
             same = (
-                abs(beside) < BESIDE_CM and abs(cosine) > math.cos(LIKE_RAD) and abs(at - mover.at_cm) < far
+                abs(beside) < BESIDE_CM
+                and abs(cosine) > math.cos(LIKE_RAD)
+                and low[0] - BESIDE_CM < at < high[0] + BESIDE_CM
             )
-            if not same and not (mover.region == region and t_s - mover.t_s < 0.5):
+            if not same and not (mover.region == region and place.t_s - mover.t_s < 0.5):
                 continue
-            mover = mover.seen_at(at, t_s, region, cosine < 0)
-            share = 1 / min(mover.seen + 1, 10)
-            pace = abs(mover.speed_cm_s) + 0.5 * share * (speed - abs(mover.speed_cm_s))
-            mover = replace(
-                mover,
-                speed_cm_s=math.copysign(pace, mover.speed_cm_s),
-                half_cm=mover.half_cm + share * (half - mover.half_cm),
-                seen=mover.seen + 1,
-            )
-            self._candidates[k] = _on_its_line(mover, place)
+            self._all[k] = replace(mover.told(place, region, half_cm, cosine < 0), seen=mover.seen + 1)
             return
         ahead = velocity[0] / speed, velocity[1] / speed
-        self._candidates.append(
-            Mover(region, t_s, place, ahead, 0.0, speed, half, places_cm=(place,), leg=(t_s, 0.0))
+        at = (place.x_cm, place.z_cm)
+        old = next((one for one in self._all if one.region == region), None)
+        if old is not None:  # on another line than it seemed
+            self._all.remove(old)
+        sights = (*(() if old is None else old.sights), place)
+        seen = 1 if old is None else old.seen
+        leg = (place.t_s, 0.0)
+        new = Mover(
+            region, place.t_s, at, ahead, 0.0, speed, half_cm, sights, leg, seen=seen, since_s=place.t_s
         )
+        self._all.append(new)
+
+    def glimpse(self, region: int, place: Sight) -> None:
+        """A region that is known to move is here, whether or not its motion shows."""
+        for k, mover in enumerate(self._all):
+            if mover.region == region and place.t_s - mover.t_s < HELD_S:
+                if abs(mover.along(place.x_cm, place.z_cm)[1]) < BESIDE_CM:
+                    self._all[k] = mover.told(place, region, None)
+                return
+
+    def seen_on_line(self, mover: Mover, region: int, place: Sight) -> None:
+        """A mover was seen where only the direction to it is known, and that it is on its line."""
+        k = next(k for k, one in enumerate(self._all) if one is mover)
+        self._all[k] = mover.told(place, region, None)
+
+    def drop(self, region: int) -> None:
+        """It stands."""
+        self._all = [m for m in self._all if m.region != region or self._t_s - m.t_s > HELD_S]
+
+    def forget(self, t_s: float) -> None:
+        """What was not seen for a while."""
+        self._t_s = t_s
+        self._all = [m for m in self._all if t_s - m.t_s < (LINE_S if m.seen >= CONFIRMED else 1.0)]
 
 
-def _on_its_line(mover: Mover, place: tuple[float, float]) -> Mover:
-    """With the line through all places where it was seen, and the speed of all it has gone this way."""
-    places = mover.places_cm
-    if math.dist(places[-1], place) > PLACES_APART_CM:
-        places = (*places[-MOST_PLACES:], place)
-    points = np.array(places)
-    middle = points.mean(axis=0)
-    _, sizes, axes = np.linalg.svd(points - middle, full_matrices=False)
-    ahead = np.array(mover.ahead)
-    if len(places) >= 5 and sizes[0] > 3 * sizes[1] and np.ptp((points - middle) @ axes[0]) > LONG_CM:
-        ahead = axes[0] * math.copysign(1.0, float(axes[0] @ ahead))
-    origin = middle + float((mover.origin_cm - middle) @ ahead) * ahead
-    mover = replace(
-        mover,
-        origin_cm=(float(origin[0]), float(origin[1])),
-        ahead=(float(ahead[0]), float(ahead[1])),
-        places_cm=places,
-    )
-    at = mover.along(*place)[0]
-    speed = mover.speed_cm_s
-    if mover.leg is not None and abs(at - mover.leg[1]) > LONG_CM and mover.t_s - mover.leg[0] > LONG_S:
-        speed = (at - mover.leg[1]) / (mover.t_s - mover.leg[0])
-    if speed * mover.speed_cm_s <= 0.0:
-        speed = mover.speed_cm_s
-    return replace(mover, at_cm=at, speed_cm_s=speed)
+def _disc(sight: _Sight, known_half_cm: float) -> tuple[Sight, float]:
+    """Middle and radius of something as round as it is wide, its front towards the robot."""
+    ray = np.array(sight.ray)
+    across = np.array([ray[1], -ray[0]])  # to the right
+    if sight.left is not None and sight.right is not None:
+        half = max(math.dist(sight.left, sight.right) / 2, 1.0)
+        middle = (np.array(sight.left) + sight.right) / 2
+    elif sight.left is not None:
+        half, middle = known_half_cm, np.array(sight.left) + known_half_cm * across
+    else:
+        half, middle = known_half_cm, np.array(sight.right) - known_half_cm * across
+    x, z = middle + half * ray
+    return Sight(sight.t_s, float(x), float(z), sight.ray, sight.depth_cm + half), half
+
+
+def _stands(seen: deque[_Sight]) -> bool:
+    """Whether it has not moved for a while, as far as its foot can tell."""
+    if seen[-1].t_s - seen[0].t_s < 0.9 * ALONG_S:
+        return False
+    ray = np.array(seen[-1].ray)
+    across = np.array([ray[1], -ray[0]])
+    for side in ("left", "right"):
+        points = np.array([end for one in seen if (end := getattr(one, side)) is not None])
+        if len(points) > 0.8 * len(seen):
+            aside, along = np.ptp(points @ across), np.ptp(points @ ray)
+            if aside < STILL_CM and along < ALONG_SIGMAS * seen[-1].sigma_cm:
+                return True
+    return False
 
 
 def _sight_of(region: int, feet: Feet, t_s: float) -> _Sight | None:
@@ -319,34 +261,49 @@ def _sight_of(region: int, feet: Feet, t_s: float) -> _Sight | None:
     ray = (front[0] - eye[0]) / away, (front[1] - eye[1]) / away
     half = width / 2
     moved = [None if end is None else (end[0] - half * ray[0], end[1] - half * ray[1]) for end in ends]
-    return _Sight(t_s, moved[0], moved[1], depth, ray)
+    sigma = SIGMA_RAY * depth**2 / feet.height_cm
+    return _Sight(t_s, moved[0], moved[1], depth, sigma, ray)
 
 
 def _even_motion(seen: list[_Sight], known: bool) -> tuple[float, float] | None:
     """Velocity of a thing whose edges move evenly and alike; None where nothing surely moves.
 
-    One edge is enough of what is known to move; of a wall that is seen in part one edge wanders.
+    One edge is enough of what is known to move, or goes far; of a wall that is seen in part one edge wanders.
     """
+    lately = [one for one in seen if seen[-1].t_s - one.t_s <= OVER_S]
+    return _velocity(lately, known, across=True) or _velocity(seen, known, across=False)
+
+
+def _velocity(seen: list[_Sight], known: bool, across: bool) -> tuple[float, float] | None:
     sides = [(s.t_s, s.left) for s in seen], [(s.t_s, s.right) for s in seen]
     ways = [[(t_s, *end) for t_s, end in side if end is not None] for side in sides]
     ways = [way for way in ways if len(way) >= LEAST_SIGHTINGS and len(way) > 0.8 * len(seen)]
-    if len(ways) < (1 if known else 2):
+    if not ways or (len(ways) == 1 and not known and not (across and _goes_far(ways[0], seen[-1]))):
         return None
-    fits = [fit for way in ways if (fit := _line(way, seen[-1])) is not None]
+    fits = [fit for way in ways if (fit := _line(way, seen[-1], across)) is not None]
     if len(fits) < len(ways):
         return None
     velocity = sum(x for x, _ in fits) / len(fits), sum(z for _, z in fits) / len(fits)
     speed = math.hypot(*velocity)
-    if speed > FASTEST_CM_S:
-        return None
-    if len(fits) == 2 and math.dist(*fits) > UNLIKE * speed:
+    if speed > FASTEST_CM_S or (len(fits) == 2 and math.dist(*fits) > UNLIKE * speed):
         return None
     return velocity
 
 
-def _line(way: list[tuple[float, float, float]], last: _Sight) -> tuple[float, float] | None:
-    """Velocity (x, z) of places (time, x, z); None where it is not even, or too slow to be no error."""
-    if way[-1][0] - way[0][0] < LEAST_S:
+def _goes_far(way: list[tuple[float, float, float]], last: _Sight) -> bool:
+    """Whether one edge alone has gone farther across the view than edges of walls seen in part wander."""
+    (_, x0, z0), (_, x1, z1) = way[0], way[-1]
+    gone = abs((x1 - x0) * last.ray[1] - (z1 - z0) * last.ray[0])
+    return gone > max(ONE_EDGE_CM, ONE_EDGE_SHARE * last.depth_cm)
+
+
+def _line(way: list[tuple[float, float, float]], last: _Sight, across: bool) -> tuple[float, float] | None:
+    """Velocity (x, z) of places (time, x, z) that go evenly across the view, or else along it.
+
+    None where it is not even, or too slow to be no error.
+    """
+    lasts_s = way[-1][0] - way[0][0]
+    if lasts_s < (LEAST_S if across else ALONG_S / 2):
         return None
     count = len(way)
     middle_s, middle_x, middle_z = (sum(values) / count for values in zip(*way, strict=True))
@@ -365,8 +322,8 @@ def _line(way: list[tuple[float, float, float]], last: _Sight) -> tuple[float, f
     if stray_aside > STRAY_CM or stray_along > STRAY_SHARE * last.depth_cm:
         return None
     sure = SURE_SIGMAS / math.sqrt(lever2)
-    goes_aside = abs(aside) > max(ASIDE_CM_S, ASIDE_SHARE * last.depth_cm, sure * stray_aside)
-    goes_along = abs(along) > max(ALONG_CM_S, ALONG_SHARE * last.depth_cm, sure * stray_along)
-    if not goes_aside and not goes_along:
-        return None
-    return along * ray_x + aside * ray_z, along * ray_z - aside * ray_x
+    if across:
+        goes = abs(aside) > max(ASIDE_CM_S, ASIDE_SHARE * last.depth_cm, sure * stray_aside)
+    else:
+        goes = abs(along) > max(ALONG_CM_S, ALONG_SIGMAS * last.sigma_cm / lasts_s, sure * stray_along)
+    return (along * ray_x + aside * ray_z, along * ray_z - aside * ray_x) if goes else None

@@ -1,96 +1,187 @@
-"""Who gives way: a robot that sees something move waits beside its way, and steps back out of it.
+"""Who gives way: who knows of something that moves crosses its line only where that is sure to go well.
 
-What moves is taken to go on as it does. Against that the robot's own choices are tried out for the next few
-seconds: to drive on, to stand, to go back over floor it knows.
+The way ahead is driven in thought against where the mover can be meanwhile. If the two cannot meet, the robot
+goes; if they can, it goes only as near to the line as it can wait and watch. Caught in the line, it leaves
+on the side where there is more room.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from host.nav.map import Obstacle, ObstacleMap
+from host.nav.config import BodyConfig, NavConfig
+from host.nav.map import Obstacle
+from host.nav.mover import Mover
 
-FORESIGHT_S = 3.0
+FORESIGHT_S = 8.0
+LEAVE_S = 5.0  # who stands in a line looks so far ahead
 STEP_S = 0.2
-BELIEVED_S = 2.0  # so long after it was last seen something is taken to go on moving
-BERTH_CM = 8.0  # the rim keeps this far from where it will be
-SPREAD_CM_S = 3.0  # and this much more for every second ahead, for nobody knows its mind
+BERTH_CM = 4.0  # the rim keeps this far from where it can be
+CROSSING_BERTH_CM = 1.5  # once it is on its way across
+ON_LINE_CM = 3.0  # who is nearer to where it may ever come stands in its line
+WAIT_CM = 45.0  # it waits with its rim this far off: there it sees the feet of what comes
+GAIN_CM_S2 = 40.0  # the robot gains speed like this
+SLOWER = 0.85  # and may be slower than it is told by this factor
+ACTS_S = 0.15  # until a command takes effect
 BACK_CM_S = 10.0
-ASIDE_CM_S = 6.0  # who moves across the view faster than this does move
-TOWARDS_CM_S = 10.0  # along it only who is faster: there errors of depth wander, too
-SURE_SHARE = 0.2  # and whose place is known to this part of what it goes in a second
+TURN_FROM_RAD = math.radians(18)  # off its heading by more than this it turns first
+AFTER_TURN_S = 0.4
 WATCH_CM = 45.0  # what moves nobody knows where to is waited for when it is nearer than this
+BELIEVED_S = 1.0  # so long after it was last seen
+LOOK_CM = 2.0  # steps in which a place to wait at is looked for
+FAR_CM = 150.0
 
 
 @dataclass(frozen=True)
-class Threat:
-    """Something that moves, and how near the rim it would come, cm, by what the robot does."""
+class Course:
+    """What the robot is about to do: where it stands, how fast it goes, the way it means to go."""
 
-    obstacle: Obstacle
-    driving_cm: float
-    standing_cm: float
-    back_cm: float
+    here: tuple[float, float]  # x, z of the middle
+    heading: float
+    v_cm_s: float
+    points: tuple[tuple[float, float], ...]  # that it means to pass, each after a turn in place
+    room_cm: float  # straight ahead the rim can go this far
+    unseen_cm: float  # and this far over floor that was seen
+    back_cm: float  # and this far back
+    berth_cm: float = BERTH_CM  # that it keeps from where something can be
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What something that moves leaves to the robot."""
+
+    thing: Mover | Obstacle
+    room_cm: float  # the rim may go straight on so far
+    leave: int = 0  # 1: on, -1: back, out of its line; 0: it may stay
+    watch: tuple[float, float] | None = None  # (x, z), towards which it comes by again
 
     def __str__(self) -> str:
-        if self.obstacle.velocity_cm_s is None:
-            return str(self.obstacle)
-        return f"{self.obstacle} at {math.hypot(*self.obstacle.velocity_cm_s):.0f} cm/s"
+        if isinstance(self.thing, Mover):
+            return f"region {self.thing.region} (foot, moving) at {abs(self.thing.speed_cm_s):.0f} cm/s"
+        return str(self.thing)
 
 
-def nearest_threat(
-    obstacle_map: ObstacleMap, x: float, z: float, heading: float, t_s: float, speed_cm_s: float
-) -> Threat | None:
-    """What moves and would come nearest to the robot if it drove on; None where nothing comes too near."""
-    threats = [
-        _threat(obstacle_map, thing, (x, z), heading, t_s, speed_cm_s)
-        for thing in obstacle_map.obstacles.values()
-        if thing.moving and t_s - thing.t_s < BELIEVED_S and _surely(thing, (x, z))
-    ]
-    near = [t for t in threats if min(t.driving_cm, t.standing_cm) < BERTH_CM]
-    return min(near, key=lambda t: min(t.driving_cm, t.standing_cm), default=None)
-
-
-def _surely(thing: Obstacle, here: tuple[float, float]) -> bool:
-    """Whether a motion is more than errors of depth that wander."""
-    if thing.velocity_cm_s is None:
-        return True
-    front = (np.array(thing.left_cm) + thing.right_cm) / 2 - here
-    towards = front / max(float(np.hypot(*front)), 1e-6)
-    velocity = np.array(thing.velocity_cm_s)
-    along = float(velocity @ towards)
-    aside = abs(float(velocity[0] * towards[1] - velocity[1] * towards[0]))
-    sure = thing.sigma_cm < SURE_SHARE * float(np.hypot(*velocity))
-    return sure and (aside > ASIDE_CM_S or abs(along) > TOWARDS_CM_S)
-
-
-def _threat(
-    obstacle_map: ObstacleMap, thing: Obstacle, here, heading: float, t_s: float, speed_cm_s: float
-) -> Threat:
-    along = np.array([math.sin(heading), math.cos(heading)])
-    middle, half = _disc_of(thing, here)
-    if thing.velocity_cm_s is None:
-        gap = math.dist(middle, here) - half - obstacle_map.body.radius_cm
-        ahead = float(np.dot(middle - here, along)) > 0
-        near = BERTH_CM - 1.0 if ahead and gap < WATCH_CM else math.inf
-        return Threat(thing, near, gap, gap)
+def judge(
+    movers: Sequence[Mover], course: Course, body: BodyConfig, config: NavConfig, t_s: float
+) -> Verdict | None:
+    """The mover that leaves the robot least, None where all leave it free."""
+    if not movers:
+        return None
     after = np.arange(0.0, FORESIGHT_S + 1e-9, STEP_S)
-    places = middle + (after[:, None] + (t_s - thing.t_s)) * np.array(thing.velocity_cm_s)
-    keep = half + obstacle_map.body.radius_cm + SPREAD_CM_S * after
-
-    def nearest(v_cm_s: float) -> float:
-        robot = np.array(here) + v_cm_s * after[:, None] * along
-        return float((np.hypot(*(places - robot).T) - keep).min())
-
-    return Threat(thing, nearest(speed_cm_s), nearest(0.0), nearest(-BACK_CM_S))
+    ways = [_driven(course, config, after, part) for part in (1.0, SLOWER)]
+    verdicts = [_against(mover, course, body, config, t_s, after, ways) for mover in movers]
+    held = [one for one in verdicts if one is not None]
+    return min(held, key=lambda one: (one.leave == 0, one.room_cm), default=None)
 
 
-def _disc_of(thing: Obstacle, here) -> tuple[np.ndarray, float]:
-    """Middle and radius of something as round as it is wide, its front towards the robot."""
-    left, right = np.array(thing.left_cm), np.array(thing.right_cm)
-    half = float(np.hypot(*(right - left))) / 2
-    front = (left + right) / 2
-    away = front - here
-    return front + half * away / max(float(np.hypot(*away)), 1e-6), half
+def _against(
+    mover: Mover,
+    course: Course,
+    body: BodyConfig,
+    config: NavConfig,
+    t_s: float,
+    after: np.ndarray,
+    ways: list[np.ndarray],
+) -> Verdict | None:
+    here = np.array([course.here])
+    driving = min(float(mover.gap_cm(way, t_s + after).min()) for way in ways) - body.radius_cm
+    if driving > course.berth_cm:
+        return None
+    off = float(mover.least_gap_cm(here)[0]) - body.radius_cm
+    if off < ON_LINE_CM:
+        leave = _way_out(mover, course, body, t_s, after[after <= LEAVE_S], ways[0])
+        if leave is not None:
+            return Verdict(mover, 0.0, leave)
+    steps = np.arange(0.0, FAR_CM, LOOK_CM)
+    heading = _bearing(course.here, course.points[0]) if course.points else course.heading
+    ahead = here + steps[:, None] * np.array([math.sin(heading), math.cos(heading)])
+    gaps = mover.least_gap_cm(ahead) - body.radius_cm
+    shut = gaps < min(WAIT_CM, off) - LOOK_CM / 2
+    if not shut.any():
+        return None
+    return Verdict(mover, float(max(0.0, steps[int(shut.argmax())] - LOOK_CM)), watch=mover.middle)
+
+
+def _way_out(
+    mover: Mover, course: Course, body: BodyConfig, t_s: float, after: np.ndarray, driven: np.ndarray
+) -> int | None:
+    """On, back, or to stay, whichever it keeps farthest off in the next seconds; on and back alike: on."""
+    stays = np.broadcast_to(np.array(course.here), (len(after), 2))
+    along = np.array([math.sin(course.heading), math.cos(course.heading)])
+    back_cm = np.minimum(BACK_CM_S * np.maximum(after - ACTS_S, 0.0), max(0.0, course.back_cm))
+    backs = stays - back_cm[:, None] * along
+
+    def worth(way: np.ndarray) -> float:
+        gaps = mover.gap_cm(way, t_s + after) - body.radius_cm
+        if (gaps < 0.0).any():  # the later the better
+            return float(after[int((gaps < 0.0).argmax())]) - 2 * LEAVE_S
+        ends = float(mover.least_gap_cm(way[-1:])[0]) - body.radius_cm  # and out of it at last
+        return min(2 * BERTH_CM, float(gaps.min())) + min(0.0, ends - BERTH_CM) / 10
+
+    chosen = {1: worth(driven[: len(after)]), -1: worth(backs), 0: worth(stays)}
+    best = max(chosen, key=lambda way: chosen[way])
+    return best if best != 0 else None
+
+
+def _driven(course: Course, config: NavConfig, after: np.ndarray, part: float) -> np.ndarray:
+    """Where the robot is at times from now on if it goes its way, at this part of the speed it is told."""
+    x, z = course.here
+    heading, v, gone = course.heading, course.v_cm_s, 0.0
+    points = list(course.points)
+    turns_s = 0.0  # it turns for so long yet
+    room = course.room_cm
+    places = []
+    for now_s in after.tolist():
+        places.append((x, z))
+        if points:
+            bearing = _bearing((x, z), points[0])
+            turn = abs(math.remainder(bearing - heading, 2 * math.pi))
+            heading = bearing
+            if turn > TURN_FROM_RAD:
+                turns_s, v = turn / config.turn_rad_s + AFTER_TURN_S, 0.0
+                room = math.inf  # straight ahead, where it no longer goes
+        if turns_s > 0.0:
+            turns_s -= STEP_S
+            continue
+        most = part * min(config.speed_cm_s, config.creep_cm_s + 2 * max(0.0, course.unseen_cm - gone))
+        if now_s >= ACTS_S:
+            v = min(most, v + GAIN_CM_S2 * STEP_S)
+        step = min(v * STEP_S, room - gone)
+        while points and math.dist(points[0], (x, z)) <= step:
+            points.pop(0)
+            if not points:
+                room = gone
+                step = 0.0
+        x, z, gone = x + step * math.sin(heading), z + step * math.cos(heading), gone + step
+    return np.array(places)
+
+
+def _bearing(start: tuple[float, float], end: tuple[float, float]) -> float:
+    return math.atan2(end[0] - start[0], end[1] - start[1])
+
+
+def unknown_mover(
+    obstacles: Sequence[Obstacle],
+    movers: Sequence[Mover],
+    here: tuple[float, float],
+    heading: float,
+    radius_cm: float,
+    t_s: float,
+) -> Obstacle | None:
+    """Something near ahead whose outline moves as nothing does that stands; nobody knows where to."""
+    tracked = {mover.region for mover in movers}
+    nearest, thing = WATCH_CM, None
+    for one in obstacles:
+        if not one.moving or t_s - one.t_s > BELIEVED_S or one.region in tracked:
+            continue
+        left, right = np.array(one.left_cm), np.array(one.right_cm)
+        middle = (left + right) / 2 - here
+        gap = float(np.hypot(*middle)) - float(np.hypot(*(right - left))) / 2 - radius_cm
+        ahead = float(middle @ (math.sin(heading), math.cos(heading))) > 0
+        if ahead and gap < nearest:
+            nearest, thing = gap, one
+    return thing

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from host.nav.config import BodyConfig, NavConfig
 from host.nav.map import FREE, LIMIT, Obstacle, ObstacleMap
+from host.nav.mover import Mover, Sight
 from host.nav.odometry import body_of, heading_of
 from host.nav.plan import find_way, room_around
 from host.nav.steer import Plan, decide, look_ahead, speed_ahead
@@ -270,11 +271,16 @@ def test_a_way_is_found_over_blocks_as_well_as_over_cells_where_it_only_just_fit
         assert min(inside) >= BODY.radius_cm
 
 
+def moving(x: float, z: float, vx: float, vz: float) -> Mover:
+    """Something 16 cm wide that was seen to move, last at time 0 here; nobody knows where it turns round."""
+    speed = math.hypot(vx, vz)
+    sight = Sight(0.0, x, z, (0.0, 1.0), z)
+    return Mover(5, 0.0, (x, z), (vx / speed, vz / speed), 0.0, speed, 8.0, (sight,), (0.0, 0.0), seen=12)
+
+
 def test_it_steps_back_from_what_comes_straight_at_it_and_stands_where_it_cannot():
     floor = open_floor()
-    floor.obstacles[5] = Obstacle(
-        5, 55.0, 1.0, "foot", (-8, 55), (8, 55), 0.0, moving=True, velocity_cm_s=(0.0, -15.0)
-    )
+    floor.movers = [moving(0, 63, 0.0, -15.0)]
     command, _ = decide(Plan(begun=True), floor, camera(0, 0, 0, 0.1), (0, 200))
     assert command.v_mm_s < 0 and "region 5" in command.reason and "stepping back" in command.reason
     put(floor, -40, -30, 40, -20)
@@ -282,13 +288,32 @@ def test_it_steps_back_from_what_comes_straight_at_it_and_stands_where_it_cannot
     assert command.v_mm_s == 0 and "region 5" in command.reason and "giving way" in command.reason
 
 
-def test_what_moves_away_from_its_way_is_not_waited_for():
+def test_what_moves_where_the_robot_does_not_go_is_not_waited_for():
     floor = open_floor()
-    floor.obstacles[5] = Obstacle(
-        5, 60.0, 1.0, "foot", (40, 60), (56, 60), 0.0, moving=True, velocity_cm_s=(12.0, 0.0)
-    )
+    floor.movers = [moving(100, 60, 0.0, 12.0)]
     command, _ = decide(Plan(begun=True), floor, camera(0, 0, 0, 0.1), (0, 200))
     assert command.v_mm_s == 10 * CONFIG.speed_cm_s
+
+
+def test_before_the_line_of_what_has_left_the_view_it_stands_and_says_what_for():
+    floor = open_floor()
+    floor.movers = [moving(-40, 75, -15.0, 0.0)]  # it went off to the left, and may turn round at any time
+    command, _ = decide(Plan(begun=True), floor, camera(0, 12, 0, 1.0), (0, 200))
+    assert command.v_mm_s == 0 and "region 5 (foot, moving) at 15 cm/s crosses ahead" in command.reason
+
+
+def test_what_moves_nobody_knows_where_to_is_waited_for_with_patience_that_ends():
+    floor = open_floor()
+    plan, went_s = Plan(begun=True), None
+    for k in range(100):
+        t_s = k / 15
+        floor.obstacles[5] = Obstacle(5, 50.0, 1.0, "foot", (-8, 50), (8, 50), t_s, moving=True)
+        command, plan = decide(plan, floor, camera(0, 0, 0, t_s), (0, 200))
+        if command.v_mm_s > 0:
+            went_s = t_s
+            break
+        assert "region 5" in command.reason and "giving way" in command.reason
+    assert went_s is not None and 3.0 < went_s < 6.0
 
 
 def test_a_way_once_chosen_is_left_only_for_one_that_is_clearly_quicker():

@@ -1,0 +1,97 @@
+"""What was seen of something that goes to and fro tells where it is when nobody sees it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from host.nav.mover import Mover, Sight
+from host.nav.tracks import Movers
+from host.pose import Pose
+
+SPEED = 15.0
+LOW, HIGH = -45.0, 30.0
+LINE_Z = 100.0
+
+
+def true_x(t_s: float) -> float:
+    """To and fro between both ends, beginning at the left one."""
+    gone = SPEED * t_s % (2 * (HIGH - LOW))
+    return LOW + min(gone, 2 * (HIGH - LOW) - gone)
+
+
+def seen(until_s: float, left: float, right: float, noise_cm: float = 0.5) -> Movers:
+    """What is remembered of it after it was looked at between these places, from straight before."""
+    rng, movers = np.random.default_rng(1), Movers()
+    for k in range(round(15 * until_s)):
+        t_s = k / 15
+        movers.forget(t_s)
+        x = true_x(t_s)
+        if left < x < right:
+            place_x, place_z = x + noise_cm * rng.normal(), LINE_Z + 4 * rng.normal()
+            ray = x / math.hypot(x, LINE_Z), LINE_Z / math.hypot(x, LINE_Z)
+            sight = Sight(t_s, place_x, place_z, ray, LINE_Z)
+            way = math.copysign(SPEED, true_x(t_s + 0.01) - x)
+            movers.note(3, sight, (way, 0.0), 8.0)
+    movers.forget(until_s)
+    return movers
+
+
+def x_of(mover: Mover, on_line: float) -> float:
+    return mover.origin_cm[0] + on_line * mover.ahead[0]
+
+
+@pytest.mark.parametrize(("left", "right"), [(-60, 60), (-30, 20)])
+def test_when_both_ends_are_known_it_is_foreseen_out_of_sight_though_they_were_never_in_view(left, right):
+    until = 22.0
+    (mover,) = seen(until, left, right).sure
+    for after in (1.0, 3.0, 6.0, 9.0):
+        (should,) = mover.place(np.array([until + after]))
+        assert x_of(mover, should) == pytest.approx(true_x(until + after), abs=4.0)
+
+
+def test_where_it_can_be_holds_where_it_is_and_grows_with_the_time_nobody_saw_it():
+    until = 22.0
+    (mover,) = seen(until, -30, 20).sure
+    widths = []
+    for after in (0.5, 4.0, 12.0):
+        low, high = mover.reach(np.array([until + after]))
+        ends = sorted((x_of(mover, float(low[0])), x_of(mover, float(high[0]))))
+        assert ends[0] <= true_x(until + after) <= ends[1]
+        widths.append(ends[1] - ends[0])
+    assert widths[0] < 20.0 and widths[0] < widths[2] < 60.0
+
+
+def test_beyond_where_it_has_been_it_may_turn_at_once_or_go_on():
+    until = (30.0 - LOW) / SPEED - 1.0  # it has just left the view to the right
+    (mover,) = seen(until, -40, true_x(until)).sure
+    low, high = mover.reach(np.array([until + 2.0]))
+    ends = sorted((x_of(mover, float(low[0])), x_of(mover, float(high[0]))))
+    x = true_x(until)
+    assert ends[0] < x - 1.5 * SPEED and ends[1] > x + 1.5 * SPEED
+
+
+def test_it_is_remembered_for_a_while_and_then_no_more():
+    movers = seen(6.0, -60, 60)
+    movers.forget(6.0 + 15.0)
+    assert len(movers.sure) == 1
+    movers.forget(6.0 + 60.0)
+    assert movers.sure == []
+
+
+def test_a_glance_that_showed_it_move_only_once_or_twice_is_soon_forgotten():
+    movers = seen(0.3, -60, 60)
+    (mover,) = movers.sure
+    assert not mover.certain
+    movers.forget(0.3 + 4.0)
+    assert movers.sure == []
+
+
+def test_the_part_of_the_picture_where_it_may_be_is_told():
+    until = 22.0
+    (mover,) = seen(until, -60, 60).sure
+    low, high = mover.seen_between(Pose.planar(0, 0, 0, t_s=until))
+    assert low < true_x(until) / LINE_Z < high and high - low < 0.6
+    assert mover.seen_between(Pose.planar(0, 0, math.pi, t_s=until)) is None
