@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -12,7 +13,6 @@ from host.camera.frame import Frame
 from host.link.robot import Robot
 from host.nav.config import BodyConfig
 from host.nav.map import FREE, OCCUPIED
-from host.nav.tracks import Mover
 from host.view.page.packing import EVIDENCE_STEPS, WIDEST_PX, jpeg_of, packed
 from host.view.page.shot import Job, Shot
 from tests.view.watching import Seen, parted, seen
@@ -92,9 +92,11 @@ def test_a_turn_to_the_right_wants_the_left_wheel_to_be_the_quicker():
 def test_what_moves_is_shown_where_it_is_by_now_and_where_to():
     it = seen()
     t_s = it.view.pose.t_s
-    mover = Mover(5, t_s - 1.0, (10.0, 100.0), (1.0, 0.0), at_cm=20.0, speed_cm_s=-8.0, half_cm=6.0)
+    mover = SimpleNamespace(
+        origin_cm=(10, 100), ahead=(1, 0), at_cm=20, speed_cm_s=-8, half_cm=6, t_s=t_s - 0.5
+    )
     content = parted(packed(replace(shot_of(it), movers=(mover,)), job_of(it)))[0]
-    assert content["map"]["movers"] == [[22.0, 100.0, -8.0, 0.0, 6.0]]
+    assert content["map"]["movers"] == [[26, 100, -8, 0, 6]]
 
 
 def test_a_frame_that_was_not_driven_on_is_shown_without_a_net():

@@ -11,10 +11,9 @@ import cv2
 import numpy as np
 
 from host.camera.frame import Frame
-from host.nav.map import OCCUPIED
+from host.nav.map import OCCUPIED, Mover
 from host.nav.odometry import body_of
 from host.nav.pilot import View
-from host.nav.tracks import Mover
 from host.rbdn.snapshot import Region
 from host.view.page.shot import Job, Shot
 
@@ -22,6 +21,7 @@ WIDEST_PX = 640  # larger pictures are shrunk: a phone shows no more
 QUALITY = 80
 REASONS = 12
 PATH_POINTS = 400
+GOES_ON_S = 1.0  # so long something that moves is shown to go on when it is out of sight
 EVIDENCE_STEPS = 30.0  # of a byte for one unit of log-odds
 
 
@@ -111,8 +111,8 @@ def _way(shot: Shot, job: Job) -> dict[str, Any]:
 
 def _mover(mover: Mover, t_s: float) -> list[float]:
     """x, z, their change in a second, and half its width, cm."""
-    (x, z), (ahead_x, ahead_z), at_cm = mover.origin_cm, mover.ahead, mover.place(t_s)
-    speed = mover.speed_cm_s
+    (x, z), (ahead_x, ahead_z), speed = mover.origin_cm, mover.ahead, mover.speed_cm_s
+    at_cm = mover.at_cm + speed * min(t_s - mover.t_s, GOES_ON_S)
     place = x + at_cm * ahead_x, z + at_cm * ahead_z, speed * ahead_x, speed * ahead_z, mover.half_cm
     return [round(v, 1) for v in place]
 

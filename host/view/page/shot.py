@@ -11,9 +11,9 @@ if TYPE_CHECKING:  # the page is there before any of these is loaded
     from host.camera.frame import Frame
     from host.link.robot import Robot
     from host.nav.config import BodyConfig
+    from host.nav.map import Mover
     from host.nav.pilot import View
     from host.nav.result import DriveLog
-    from host.nav.tracks import Mover
 
 
 @dataclass(frozen=True)
