@@ -57,6 +57,7 @@ class Known:
     taken: list[Taken] = field(default_factory=list)
     hz: float | None = None
     lens: Lens | None = None
+    camera_name: str | None = None  # as it calls itself
     values: dict[Param, int] | None = None
     timing: list[Finding] = field(default_factory=list)  # of the link, shown with the rest of the timing
 
@@ -75,6 +76,7 @@ def visit(options: DoctorOptions, config: Config, person: Person | None = None) 
 
 def look_at_camera(options: DoctorOptions, config: Config, known: Known) -> Iterator[Finding]:
     """Open it and watch it for two seconds."""
+    from host.camera.source import camera_name
     from host.doctor.camera import check_driver, check_pictures, rate_hz, take_pictures
 
     part, uri = Part("camera"), options.camera
@@ -89,7 +91,7 @@ def look_at_camera(options: DoctorOptions, config: Config, known: Known) -> Iter
         with _open_camera(uri, webcam, said.append) as (camera, clock, live):
             taken, ended = take_pictures(camera, clock)
             known.taken, known.hz = taken, rate_hz(taken) if live else NOMINAL_FPS
-            known.lens = camera.lens
+            known.lens, known.camera_name = camera.lens, camera_name(uri)
     except RobotError as error:
         yield part.error("open", error)
         return
@@ -199,7 +201,7 @@ def look_at_calibration(options: DoctorOptions, config: Config, known: Known) ->
     image = known.taken[0].frame.image if known.taken else None
     size = None if image is None else (image.shape[1], image.shape[0])
     if options.lens is not None:
-        finding, known.lens = checks.check_lens_file(options.lens, size)
+        finding, known.lens = checks.check_lens_file(options.lens, size, known.camera_name)
         yield finding
     elif known.lens is not None:
         yield checks.check_lens(known.lens, "the camera's own", size)
