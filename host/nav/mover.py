@@ -118,12 +118,6 @@ class Mover:
             high + (END_CM if self.high_cm is not None else BEYOND_CM),
         )
 
-    @property
-    def middle(self) -> tuple[float, float]:
-        """(x, z) of the middle of where it has been."""
-        at = sum(self.been_cm) / 2
-        return self.origin_cm[0] + at * self.ahead[0], self.origin_cm[1] + at * self.ahead[1]
-
     def along(self, x_cm: float, z_cm: float) -> tuple[float, float]:
         """(along the line, beside it) of a place."""
         dx, dz = x_cm - self.origin_cm[0], z_cm - self.origin_cm[1]

@@ -57,7 +57,6 @@ class Verdict:
     thing: Mover | Obstacle
     room_cm: float  # the rim may go straight on so far
     leave: int = 0  # 1: on, -1: back, out of its line; 0: it may stay
-    watch: tuple[float, float] | None = None  # (x, z), towards which it comes by again
 
     def __str__(self) -> str:
         if isinstance(self.thing, Mover):
@@ -103,7 +102,7 @@ def _against(
     shut = gaps < min(WAIT_CM, off) - LOOK_CM / 2
     if not shut.any():
         return None
-    return Verdict(mover, float(max(0.0, steps[int(shut.argmax())] - LOOK_CM)), watch=mover.middle)
+    return Verdict(mover, float(max(0.0, steps[int(shut.argmax())] - LOOK_CM)))
 
 
 def _way_out(
