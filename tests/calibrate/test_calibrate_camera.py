@@ -22,6 +22,7 @@ from host.calibrate.watch import Watched, watch
 from host.camera.frame import Frame
 from host.camera.lens_file import check_camera, read_about, read_lens, write_lens
 from host.errors import InputError, UsageError
+from host.nav.rig import open_rig
 from host.sim.board_views import HeldBoard, good_views, held_at
 
 VIEWS = 21
@@ -254,7 +255,7 @@ def test_a_corner_of_the_picture_that_was_not_covered_is_told() -> None:
 # --- The file -----------------------------------------------------------------------------------
 
 
-def test_a_lens_of_another_camera_is_refused(tmp_path: Path) -> None:
+def test_a_lens_of_another_camera_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     file = tmp_path / "camera.json"
     write_lens(file, LENS, {"camera_name": "HD Webcam C270"})
     assert read_lens(file) == LENS
@@ -264,5 +265,8 @@ def test_a_lens_of_another_camera_is_refused(tmp_path: Path) -> None:
         InputError, match=r"is the lens of another camera, 'HD Webcam C270', and this one is 'X'"
     ):
         check_camera(file, "X")
+    monkeypatch.setattr("host.nav.rig.camera_name", lambda uri: "X")
+    with pytest.raises(InputError, match="lens of another camera"), open_rig("0", "auto", file):
+        pass
     file.write_text(json.dumps({"width": 3}))
     check_camera(file, "X")  # it does not tell

@@ -94,7 +94,7 @@ def test_the_command_writes_the_board_and_what_tells_of_it(
 @pytest.mark.parametrize(
     ("arguments", "complaint"),
     [
-        (["--paper", "a5"], "is not one of"),
+        (["--paper", "a5"], "'a5'"),
         (["--out", "board.png"], "--out board.png: the board is written as PDF"),
         (["--out", "/proc/no/board.pdf"], "/proc/no/board.pdf: "),
     ],
