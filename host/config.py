@@ -314,7 +314,7 @@ def _one_line(box: str) -> str:
     text = " ".join(re.sub(r"[╭╮╰╯│─]", " ", "\n".join(box.splitlines()[1:])).split())
     text = re.split(r" For full helptext| Argument helptext", text)[0]
     problem, _, suggestions = text.partition(" Perhaps you meant:")
-    problem = problem.removeprefix("Error parsing ").removesuffix(".")
+    problem = problem.removeprefix("Error parsing ").removesuffix(".").strip()
     section, colon, setting = problem.partition(": ")
     if colon and section in SECTIONS:
         problem = f"{section}.{setting}"  # said by the section's own check, beginning with the key
