@@ -48,6 +48,7 @@ SMALL = (32, 20)  # parts of the picture that are compared as a whole
 MEAN_LEVEL = 100.0
 OTHER_LEVELS = 10.0  # change of a part in brightness that shows something else
 OTHER_SHARE = 0.25  # of all parts
+BUSY_SHARE = 0.6  # or so much, where something moves: its shadow is seen beside it
 LEAST_REST = 0.4  # of its columns must be free of what is known to move
 SOME_SHARE = 0.1  # of all parts, where regions are gone as well
 STILL_PX, STILL_CM = 2.0, 0.5  # motion by the wheels from picture to picture that changes no part as a whole
@@ -220,7 +221,8 @@ class WheelWatch:
     def _other(self, changed: float, last: Pose, now: Pose) -> str | None:
         turned_px = abs(wrap(heading_of(now) - heading_of(last))) * self._lens.fx
         way_cm = math.dist(last.position_cm, now.position_cm)
-        if changed < OTHER_SHARE or turned_px > STILL_PX or way_cm > STILL_CM:
+        least = BUSY_SHARE if self._moved.any() else OTHER_SHARE
+        if changed < least or turned_px > STILL_PX or way_cm > STILL_CM:
             return None
         return (
             f"picture shows another place: {100 * changed:.0f} % of it changed at once as the wheels stood; "

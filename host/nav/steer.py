@@ -112,6 +112,7 @@ class Plan:
     wait: Wait | None = None  # for something that moves nobody knows where to
     v_cm_s: float = 0.0  # forward speed last told
     cross: Cross | None = None  # of the line of something that moves
+    no_cross_s: float = -math.inf  # until then it does not look for another one: the last was shut
     unseen: bool = False  # the piece to the aim leads over floor that nobody has seen
     aim: tuple[float, float] | None = None
     piece_from: tuple[float, float] | None = None  # where the present straight piece began; None: turning
@@ -265,7 +266,9 @@ def _go(
     if v == 0.0 and ahead.obstacle is not None and ahead.obstacle.moving:  # it will be gone
         return Command(0.0, 0.0, reason), plan
     if v == 0.0:  # the plan must lead elsewhere
-        plan = replace(plan, piece_from=None, made_s=-math.inf, way=None, aim=None, cross=None)
+        no_cross_s = plan.no_cross_s if plan.cross is None else t_s + RENEW_S
+        plan = replace(plan, made_s=-math.inf, way=None, aim=None, piece_from=None)
+        plan = replace(plan, cross=None, no_cross_s=no_cross_s)
         if again:
             return Command(0.0, 0.0, reason), plan
         return _go(plan, held, obstacle_map, t_s, here, heading, goal_cm, again=True)
@@ -374,7 +377,7 @@ def _cross(
 ) -> tuple[Command | None, Plan]:
     """Go to where a line that holds the robot up is best crossed, wait there, cross; no command: go on."""
     cross, movers = plan.cross, obstacle_map.movers
-    if (cross is None and not held.stands) or not movers:
+    if (cross is None and (not held.stands or t_s < plan.no_cross_s)) or not movers:
         return None, replace(plan, cross=None)
     if cross is not None and cross.under_way:
         if math.dist(here, cross.crossing.end) < THERE_CM:
@@ -441,6 +444,8 @@ def up_to(held: Held, config: NavConfig, v_cm_s: float, reason: str) -> tuple[fl
     most = brakeable_cm_s(config, held.verdict.room_cm)
     if v_cm_s <= most:
         return v_cm_s, reason
+    if most < 1.0:
+        return 0.0, f"stop: {held.verdict} crosses ahead, giving way"
     return most, f"slow: {held.verdict} crosses ahead, giving way"
 
 
