@@ -16,6 +16,7 @@ from host.sim.render import TrueFrame
 from host.sim.session import Simulation
 
 DEPTH_EVERY_S = 0.5  # neighbouring frames have nearly the same errors, and truth takes as long as a picture
+MOST_SAMPLES = 20_000  # kept of a drive; beyond, those of every second look are let go
 SMALLEST_PX = 20  # regions with fewer pixels have no truth worth the name
 FALSE_STOP_CM = 20.0  # with so much room straight before the rim nothing was there to stop for
 FARTHEST_CM = 150.0  # room ahead is looked for up to here
@@ -113,6 +114,13 @@ def region_mask(loops: Sequence[np.ndarray], shape: tuple[int, int]) -> np.ndarr
     return mask
 
 
+def every_second(samples: Sequence[DepthSample]) -> list[DepthSample]:
+    """Those of every second frame, the first one's among them."""
+    times = dict.fromkeys(sample.t_s for sample in samples)
+    kept = set(list(times)[::2])
+    return [sample for sample in samples if sample.t_s in kept]
+
+
 def summarise(samples: Sequence[DepthSample]) -> dict[str, Any]:
     """Count, median and 90th percentile of the absolute error in percent of the depth; None without any."""
     errors = np.abs([100.0 * s.error for s in samples])
@@ -129,7 +137,7 @@ class Score:
     Attributes
     ----------
     samples : list[DepthSample]
-        From the frames that were looked at, one each half second.
+        From the frames that were looked at, one each half second; fewer of a drive of hours.
     way : list[tuple[float, float, float]]
         Time, x and z in cm of the camera at the same times.
     stops : list[Stop]
@@ -143,11 +151,12 @@ class Score:
         self._moves = False
         self._simulation = simulation
         self._looked_s = -math.inf
+        self._every_s = DEPTH_EVERY_S
 
     def watch(self, stamp_s: float, snapshot: Snapshot, report: DepthReport) -> None:
         """Take in what was made of the frame with this time on it; call within 30 s of it."""
         t_s = self._simulation.exposed_s(stamp_s)
-        if t_s - self._looked_s < DEPTH_EVERY_S:
+        if t_s - self._looked_s < self._every_s:
             return
         self._looked_s = t_s
         pose = self._simulation.true_pose(t_s)
@@ -155,6 +164,9 @@ class Score:
         renderer = self._simulation.renderer_at(t_s)
         truth = renderer.truth(pose, areas=False)
         self.samples += score_depths(snapshot, report, truth, renderer.background_ids, t_s)
+        if len(self.samples) > MOST_SAMPLES:
+            self.samples, self.way = every_second(self.samples), self.way[::2]
+            self._every_s *= 2
 
     def hear(self, moves: bool, reason: str) -> None:
         """Take in what the robot was just told to do, and why; not the end of a drive."""

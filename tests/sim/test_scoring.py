@@ -11,7 +11,16 @@ import pytest
 from host.depth.report import DepthReport, RegionDepth, VertexDepths
 from host.pose import Pose
 from host.rbdn.snapshot import Contour, Region, Snapshot, Vertices
-from host.sim.scoring import LOOK_STEP_CM, Score, pose_difference, region_mask, score_depths, summarise
+from host.sim.scoring import (
+    LOOK_STEP_CM,
+    DepthSample,
+    Score,
+    every_second,
+    pose_difference,
+    region_mask,
+    score_depths,
+    summarise,
+)
 from host.sim.session import Simulation
 
 NONE_I, NONE_F, NONE_XY = np.zeros(0, np.int64), np.zeros(0), np.zeros((0, 2))
@@ -158,3 +167,11 @@ def test_a_stop_is_false_where_nothing_stands_ahead(monkeypatch, z_cm: float, ro
     assert stop.reason == "stop: region 3"
     assert stop.true_room_cm == pytest.approx(room_cm, abs=LOOK_STEP_CM)
     assert stop.is_false == (room_cm == 53.0)
+
+
+def test_of_a_long_drive_whole_frames_are_let_go_every_second_one():
+    samples = [
+        DepthSample(0.5 * k, region, 1, False, 100.0, 1.0, 99.0) for k in range(5) for region in range(3)
+    ]
+    kept = every_second(samples)
+    assert [(s.t_s, s.region) for s in kept] == [(t, region) for t in (0.0, 1.0, 2.0) for region in range(3)]
