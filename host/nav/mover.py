@@ -36,9 +36,9 @@ GUESSED_CM = 90.0  # where it turned out of sight is believed up to so far beyon
 BEYOND_CM = 80.0  # so far beyond where it has been it may go
 SEEN_BESIDE = 0.1  # x/z: its shadow, and what the net makes one region with it
 OFTEN = 10  # even motions seen, until nobody doubts it
-REMEMBERED_S = 20.0  # out of sight, it is reckoned with for so long
+REMEMBERED_S = 32.0  # out of sight, it is reckoned with for so long
 BRIEFLY_S = 3.0  # if that was seen only a few times
-FORESEEN_S = 30.0  # if it is known where it turns round, on both sides
+FORESEEN_S = 40.0  # if it is known where it turns round, on both sides
 
 
 @dataclass(frozen=True)
