@@ -70,9 +70,7 @@ def _values(path: Path) -> dict[str, Any]:
     try:
         values = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError as error:
-        raise InputError(
-            f"{path}: no such file; write one with width, height, fx, fy, cx, cy and distortion"
-        ) from error
+        raise InputError(f"{path}: no such file; 'python -m host.calibrate camera' writes one") from error
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}); check its permissions") from error
     except UnicodeDecodeError as error:

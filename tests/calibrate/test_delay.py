@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
+from host.calibrate import turning as turning_to_and_fro
 from host.calibrate.__main__ import main
 from host.calibrate.paths import Path as Way
 from host.calibrate.ride import Drive, Picture, Ride
@@ -20,6 +21,7 @@ from host.config import read_config
 from host.errors import InputError, UsageError
 from host.nav.config import BodyConfig
 from host.nav.rig import open_rig
+from host.sim.render import WebcamModel
 
 LENS = Lens(320, 240, 280.0, 280.0, 159.5, 119.5)
 LATE_S, READOUT_S = 0.013, 0.02
@@ -92,12 +94,15 @@ def test_the_command_finds_a_simulated_webcams_delay_and_keeps_it(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "robot.toml").write_text("[webcam]\nfps = 20.0  # mine\n")
-    robot = ["--robot", "sim:?rough=1&seed=2", "--camera", "sim:room?seed=2&rough=1"]
+    monkeypatch.setattr("host.sim.session.webcam_from_uri", lambda uri: WebcamModel(stamp_late_s=0.02))
+    monkeypatch.setattr(turning_to_and_fro, "RATES_RAD_S", (1.6, 1.1))  # quicker than a person would
+    monkeypatch.setattr(turning_to_and_fro, "SWING_RAD", 1.1)
+    robot = ["--robot", "sim:?rough=1&seed=2", "--camera", "sim:room?seed=2"]
     main(["delay", *robot, "--sweeps", "2", "--save"])
     text = (tmp_path / "robot.toml").read_text()
     assert "fps = 20.0  # mine" in text
     kept = read_config(tmp_path / "robot.toml").webcam.late_s
-    assert kept == pytest.approx(0.010, abs=0.005)  # rough=1 stamps so late
+    assert kept == pytest.approx(0.020, abs=0.003)
     assert "Pictures are stamped" in capsys.readouterr().out
 
 

@@ -62,7 +62,8 @@ def test_height_and_tilt_of_a_patterned_floor_are_found(quick: None) -> None:
     assert not found.level
 
 
-def test_pictures_of_no_one_floor_are_refused(quick: None) -> None:
+def test_pictures_of_no_one_floor_are_refused(quick: None, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(flow, "LAST_STEP_RAD", 0.01)
     rng = np.random.default_rng(5)
     seen = driven(15.0, 0.0, 0.0, 0.0)
     noise = [rng.integers(0, 255, gray.shape).astype(np.uint8) for gray in seen.grays]
