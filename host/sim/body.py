@@ -92,18 +92,33 @@ class Wheel:
 
     def roll(self, duty: float, voltage: float, start_us: int) -> float:
         """Turn for one step; travel in cm. `voltage` is relative to a full battery's."""
-        push = abs(duty) - self._model.dead_zone
-        aim = 0.0 if push <= 0.0 else math.copysign(push * self._gain * voltage, duty)
         before = self.speed_cm_s
+        open_motor = self._board.coasting(self._side)
+        lag_s = self._model.coast_s if open_motor else self._model.lag_s
+        aim = self._aim_cm_s(duty, voltage, before, open_motor)
         if aim == 0.0 and abs(before) < self._model.slowest_cm_s:
             self.speed_cm_s = 0.0
             return 0.0
-        lag_s = self._model.coast_s if self._board.coasting(self._side) else self._model.lag_s
-        kept = math.exp(-STEP_S / lag_s)  # share of a speed difference left after a step
-        self.speed_cm_s = aim + (before - aim) * kept
-        travel = aim * STEP_S + (before - aim) * lag_s * (1.0 - kept)
+        turning_s = STEP_S
+        after = aim + (before - aim) * math.exp(-STEP_S / lag_s)
+        if (
+            abs(duty) <= self._model.dead_zone and after * before < 0.0
+        ):  # friction stops, and turns nothing back
+            turning_s, after = lag_s * math.log(1.0 - before / aim), 0.0
+        self.speed_cm_s = after
+        travel = aim * turning_s + (before - aim) * lag_s * (1.0 - math.exp(-turning_s / lag_s))
         self._pass_edges(travel, before, aim, lag_s, start_us)
         return travel
+
+    def _aim_cm_s(self, duty: float, voltage: float, speed: float, open_motor: bool) -> float:
+        """The speed that a wheel tends to. The friction that makes the dead zone also brakes one that rolls on."""
+        friction = self._model.dead_zone
+        push = abs(duty) - friction
+        if push > 0.0:
+            return math.copysign(push * self._gain * voltage, duty)
+        if speed == 0.0 or open_motor:
+            return 0.0
+        return (duty - math.copysign(friction, speed)) * self._gain * voltage
 
     def _border(self, cell: int) -> float:
         """Where, in counts, a cell begins."""

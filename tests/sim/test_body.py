@@ -268,8 +268,20 @@ def test_an_open_motor_rolls_on_where_a_shorted_one_stops() -> None:
         board.drive(body, 0.0, 0.0, 4000)
         assert body.speed_cm_s == 0.0
         ways[coasts] = body.distance_cm - before
-        assert ways[coasts] == pytest.approx(speed * (EQUAL.coast_s if coasts else EQUAL.lag_s), rel=0.02)
+        lag_s = EQUAL.coast_s if coasts else EQUAL.lag_s
+        # A shorted one: dv/dt = -(v + f) / lag until it stands, f being what the dead zone takes of the speed.
+        f = 0.0 if coasts else EQUAL.full_speed_cm_s * EQUAL.dead_zone / (1.0 - EQUAL.dead_zone)
+        way = lag_s * (speed - (f * math.log(1.0 + speed / f) if f else 0.0))
+        assert ways[coasts] == pytest.approx(way, rel=0.02)
     assert ways[True] > 5 * ways[False]
+
+
+def test_a_shorted_motor_stands_still_within_a_tenth_of_a_second() -> None:
+    body, board = body_in(hall())
+    board.drive(body, 0.35, 0.35, 1000)
+    assert 15.0 < body.speed_cm_s < 25.0
+    board.drive(body, 0.0, 0.0, 100)
+    assert body.speed_cm_s == 0.0
 
 
 def hall_with_mover(nearest_z_cm: float) -> World:

@@ -22,7 +22,8 @@ def test_a_plain_uri_is_the_ordinary_body() -> None:
 
 def test_every_option_reaches_the_body() -> None:
     body = "rough=0&motors=-15&wheels=3&size=1&track=4&edges=10&slip=0"
-    uri = f"avr:?seed=7&{body}&speed=60&lag_ms=90&dead_zone=12&battery_mv=6800"
+    camera = "nod=3&tip=-2&aside=1&raised=4"
+    uri = f"avr:?seed=7&{body}&speed=60&lag_ms=90&dead_zone=12&battery_mv=6800&{camera}"
     avr, seed, model = parse_uri(uri)
     assert (avr, seed) == (True, 7)
     assert model.left_wheel / model.right_wheel == pytest.approx(1.015 / 0.985)
@@ -30,6 +31,8 @@ def test_every_option_reaches_the_body() -> None:
     assert (model.true_track, model.mismatch, model.phase_error) == pytest.approx((1.04, -0.15, 0.10))
     assert (model.full_speed_cm_s, model.lag_s, model.dead_zone) == pytest.approx((60, 0.09, 0.12))
     assert model.battery_mv == 6800
+    tilts = [math.degrees(rad) for rad in (model.nod_rad, model.tip_rad, model.aside_rad)]
+    assert [*tilts, model.raised_cm] == pytest.approx([3, -2, 1, 4])
     assert uri.count("=") == len(OPTIONS)
 
 
