@@ -26,6 +26,7 @@ GIVEN = {
     "host.record.export": ["run.mcap", "out"],
     "host.replay": ["run.mcap"],
     "host.sim.export": ["out"],
+    "host.view.animate": ["run.mcap"],
     "host.view.rerun": ["run.mcap"],
 }
 
@@ -113,6 +114,8 @@ MISSING = [
     ("host.compare file.txt folder", EXIT_INPUT, "file.txt"),
     ("host.record.export nowhere.mcap out", EXIT_INPUT, "nowhere.mcap"),
     ("host.record.export file.txt out", EXIT_INPUT, "file.txt"),
+    ("host.view.animate nowhere.mcap", EXIT_INPUT, "nowhere.mcap"),
+    ("host.view.animate file.txt", EXIT_INPUT, "file.txt"),
     ("host.view.rerun nowhere.mcap", EXIT_INPUT, "nowhere.mcap"),
     ("host.view.rerun file.txt", EXIT_INPUT, "file.txt"),
     ("host.view.rerun .", EXIT_INPUT, "."),

@@ -64,9 +64,13 @@ class _Moment:
 def main() -> None:
     """The command."""
     options = read_options(Options)
+    import cv2
+
     from host.record.atomic import check_writable
     from host.record.mcap_reader import Recording
 
+    if not hasattr(cv2, "imencodeanimation"):
+        raise UsageError(f"OpenCV {cv2.__version__} writes no moving pictures, 5.0 does: install that")
     recording = Recording(options.recording)
     out = options.out or options.recording.with_suffix(".webp")
     if out.suffix.lower() not in KINDS:
@@ -177,13 +181,11 @@ class _Plan:
 
 
 def write(pictures: list[np.ndarray], out: Path) -> None:
-    """Whole or not at all; UsageError where OpenCV is too old for it or the place does not allow it."""
+    """Whole or not at all; UsageError where the place does not allow it."""
     import cv2
 
     from host.record.atomic import write_whole
 
-    if not hasattr(cv2, "imencodeanimation"):
-        raise UsageError(f"OpenCV {cv2.__version__} writes no moving pictures: install 4.13 or newer")
     animation = cv2.Animation()
     animation.frames = pictures
     animation.durations = [round(1000 * SHOWN_S)] * (len(pictures) - 1) + [round(1000 * LAST_S)]
