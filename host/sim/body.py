@@ -103,7 +103,7 @@ class Wheel:
         after = aim + (before - aim) * math.exp(-STEP_S / lag_s)
         if (
             abs(duty) <= self._model.dead_zone and after * before < 0.0
-        ):  # friction stops, and turns nothing back
+        ):  # friction only stops
             turning_s, after = lag_s * math.log(1.0 - before / aim), 0.0
         self.speed_cm_s = after
         travel = aim * turning_s + (before - aim) * lag_s * (1.0 - math.exp(-turning_s / lag_s))
@@ -111,7 +111,7 @@ class Wheel:
         return travel
 
     def _aim_cm_s(self, duty: float, voltage: float, speed: float, open_motor: bool) -> float:
-        """The speed that a wheel tends to. The friction that makes the dead zone also brakes one that rolls on."""
+        """The speed that a wheel tends to. The dead zone's friction also brakes one that rolls on."""
         friction = self._model.dead_zone
         push = abs(duty) - friction
         if push > 0.0:

@@ -269,7 +269,7 @@ def test_an_open_motor_rolls_on_where_a_shorted_one_stops() -> None:
         assert body.speed_cm_s == 0.0
         ways[coasts] = body.distance_cm - before
         lag_s = EQUAL.coast_s if coasts else EQUAL.lag_s
-        # A shorted one: dv/dt = -(v + f) / lag until it stands, f being what the dead zone takes of the speed.
+        # A shorted one: dv/dt = -(v + f) / lag until it stands; f is the speed that the dead zone takes.
         f = 0.0 if coasts else EQUAL.full_speed_cm_s * EQUAL.dead_zone / (1.0 - EQUAL.dead_zone)
         way = lag_s * (speed - (f * math.log(1.0 + speed / f) if f else 0.0))
         assert ways[coasts] == pytest.approx(way, rel=0.02)
