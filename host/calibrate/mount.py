@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 SPEED_MM_S = 100.0
 WORST_HEIGHT, WORST_RAD = 0.04, 0.02  # sigmas beyond which nothing is told
+MOST_CHANGE = 0.2  # of the height that is set: as far as is looked to begin with
 
 
 @dataclass(frozen=True)
@@ -77,7 +78,7 @@ def sentences(found: Mount, config: Config) -> list[str]:
 
 
 def run(options: MountOptions, config: Config) -> int:
-    """The command's body; 3 where too little of the floor was to be seen."""
+    """The command's body; 3 where too little of the floor was to be seen, or what comes out is not likely."""
     from host.calibrate.keep import keep, toml_lines
 
     found = measure(options, config)
@@ -86,6 +87,12 @@ def run(options: MountOptions, config: Config) -> int:
     if found.sigmas[0] > WORST_HEIGHT * found.height_cm or max(found.sigmas[1:3]) > WORST_RAD:
         raise InputError(
             "that is too little to go by: drive further (--way-cm), over a floor with more pattern"
+        )
+    if abs(found.height_cm / config.body.camera_height_cm - 1) > MOST_CHANGE:
+        height_cm = config.body.camera_height_cm
+        raise InputError(
+            f"{found.height_cm:.1f} cm is far from the {height_cm:g} that are set, and a bare floor can "
+            "mislead: measure with a ruler, set --body.camera-height-cm to that, and try again"
         )
     settings = {"body": {"camera_height_cm": round(found.height_cm, 2)}}
     if options.save:

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from host.calibrate import flow
+from host.calibrate import flow, mount
 from host.calibrate.__main__ import main
 from host.calibrate.flow import Mount, Shots, shots, solve
 from host.calibrate.keep import keep, toml_lines
@@ -97,6 +97,29 @@ def test_what_was_found_is_told_in_plain_words() -> None:
     assert "takes the camera to be level" in told
     level = Mount(15.0, 0.001, 0.0, 0.0, (0.2, 0.003, 0.004, 0.003), 0.9)
     assert "takes the camera to be level" not in "\n".join(sentences(level, Config()))
+
+
+@pytest.mark.parametrize(
+    ("found", "complaint"),
+    [
+        (
+            Mount(20.4, -0.05, 0.0, 0.0, (0.5, 0.004, 0.004, 0.003), 0.9),
+            "20.4 cm is far from the 15 that are set",
+        ),
+        (
+            Mount(15.5, 0.0, 0.0, 0.0, (0.9, 0.004, 0.004, 0.003), 0.9),
+            "that is too little to go by: drive further",
+        ),
+    ],
+)
+def test_what_is_not_likely_or_not_sure_is_not_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, found: Mount, complaint: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(mount, "measure", lambda options, config: found)
+    with pytest.raises(InputError, match=complaint):
+        main(["mount", "--save"])
+    assert not (tmp_path / "robot.toml").exists()
 
 
 @pytest.mark.parametrize(
