@@ -33,6 +33,7 @@ SPEED_SHARE = 0.2  # before a motion is fitted its speed is known to this part o
 DOUBT_CM = 10.0  # and where it turns round to this
 MISFIT_CM = 5.0  # rms of the sights about a motion, above which the older ones were of another
 GUESSED_CM = 90.0  # where it turned out of sight is believed up to so far beyond where it has been
+UNKNOWN_CM_S = 20.0  # as fast may go what was hardly seen to go at all
 BEYOND_CM = 80.0  # so far beyond where it has been it may go
 SEEN_BESIDE = 0.1  # x/z: its shadow, and what the net makes one region with it
 OFTEN = 10  # even motions seen, until nobody doubts it
@@ -143,6 +144,8 @@ class Mover:
         """Between where and where on its line it can be at times from now on."""
         straight = abs(self.speed_cm_s) * np.maximum(t_s - self.t_s, 0.0)
         spread = SPREAD_CM + SURE_SIGMAS * self.sigma_cm(t_s)
+        if self.been_cm[1] - self.been_cm[0] < LONG_CM:  # nobody knows yet how fast, nor which way
+            spread = spread + UNKNOWN_CM_S * np.maximum(t_s - self.t_s, 0.0)
         way = math.copysign(1.0, self.speed_cm_s)
         should = self.place(t_s)
         low = high = should

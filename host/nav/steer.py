@@ -35,6 +35,7 @@ STANDS_CM = 2.0  # with less room before the line of something that moves it sta
 RENEW_S = 3.0  # where it waits it looks so often for a better place to cross,
 BETTER_CM = 12.0  # and goes there if it is so far away
 THERE_CM = 6.0  # it is where a crossing begins or ends
+LOST_S, LOST_BACK_CM = 8.0, 35.0  # after so long without a sight of it, it steps back so far
 BACK_FROM_CM = 10.0  # nearer than that by more than this it steps back to where it begins
 FACING_RAD = 0.15  # it looks across as straight as this
 WAY_STEP_CM = 40.0  # points of the way that are looked at for what moves
@@ -399,16 +400,26 @@ def _cross(
         return None, replace(plan, cross=cross)
     cross = replace(cross, there=True)
     plan = replace(plan, cross=cross, piece_from=None)
-    if held.verdict is not None and (back := _back_off(held, cross.crossing, obstacle_map, here, heading)):
+    if held.verdict is not None and (
+        back := _back_off(held, cross.crossing, obstacle_map, t_s, here, heading)
+    ):
         return back, replace(plan, v_cm_s=back.v_mm_s / 10)
     return _watch(held, heading, cross.crossing.heading, obstacle_map), plan
 
 
 def _back_off(
-    held: Held, crossing: Crossing, obstacle_map: ObstacleMap, here: tuple[float, float], heading: float
+    held: Held,
+    crossing: Crossing,
+    obstacle_map: ObstacleMap,
+    t_s: float,
+    here: tuple[float, float],
+    heading: float,
 ) -> Command | None:
     """Back to where the feet of what comes by are in the picture; None where it is there, or cannot."""
     off = math.dist(here, crossing.end) - math.dist(crossing.begin, crossing.end)
+    seen_s = max((one.t_s for one in obstacle_map.movers), default=t_s)
+    if t_s - seen_s > LOST_S:  # its line is nearer than it seemed: all that comes by is below the picture
+        off -= LOST_BACK_CM
     if off > -BACK_FROM_CM or abs(wrap(crossing.heading - heading)) > FACING_RAD:
         return None
     v = min(BACK_CM_S, brakeable_cm_s(obstacle_map.config, min(-off, held.back_cm)))

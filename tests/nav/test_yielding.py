@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from crossing_world import CrossingWorld
 
-SEEDS = range(200, 207)
+SEEDS = (*range(200, 205), 408, 411, 448)  # the last three were touched once
 
 
 @pytest.mark.parametrize("corridor", [False, True])
