@@ -92,6 +92,8 @@ def test_a_glance_that_showed_it_move_only_once_or_twice_is_soon_forgotten():
 def test_the_part_of_the_picture_where_it_may_be_is_told():
     until = 22.0
     (mover,) = seen(until, -60, 60).sure
-    low, high = mover.seen_between(Pose.planar(0, 0, 0, t_s=until))
+    seen_now = mover.seen_between(Pose.planar(0, 0, 0, t_s=until))
+    assert seen_now is not None
+    low, high = seen_now
     assert low < true_x(until) / LINE_Z < high and high - low < 0.6
     assert mover.seen_between(Pose.planar(0, 0, math.pi, t_s=until)) is None
