@@ -89,8 +89,11 @@ class Wheel:
 
     def add(self, t_s: float, count: int, edge_s: float | None, direction: int = 0) -> None:
         """One reading; an edge without a count is the one known already, or there and back again."""
-        self._heard_s = t_s
-        known = self._edge_s is not None and edge_s is not None and abs(edge_s - self._edge_s) < SAME_EDGE_S
+        heard_s, self._heard_s = self._heard_s, t_s
+        # What lies before the last reading was in it: a wheel that stands keeps its last edge, whose time
+        # shifts the further the longer ago it was, also from before there was the first reading.
+        known = edge_s is None or edge_s <= heard_s
+        known |= edge_s is not None and self._edge_s is not None and abs(edge_s - self._edge_s) < SAME_EDGE_S
         if edge_s is not None and (count != self._count or not known):
             self._add_edge(edge_s, count, direction)
         elif self._resting:
@@ -155,6 +158,7 @@ class Wheel:
             self._s.append(travel)
         else:
             self._s[-1] = travel
+        self._run = min(self._run, len(self._t))  # of which the knots are there
 
     def _speed(self) -> float:
         """Speed over the last full cell, cm/s, without sign."""

@@ -145,6 +145,30 @@ def test_a_wheel_without_a_new_edge_stays_within_its_cell():
     assert max(late) <= at_edge + 0.5
 
 
+def test_an_edge_of_long_ago_is_no_news_when_the_clocks_move_its_time():
+    odometry = Odometry(BODY)  # of a robot that has driven before
+    for k in range(200):
+        edge_s = -7.0 + 1e-7 * k - 0.0022 * (k >= 50) + 0.0015 * (k >= 90)
+        odometry.add(WheelReading(k / 100, 168, 166, edge_s, edge_s, 1, -1))
+    assert np.allclose(odometry.pose_at(1.99).position_cm, 0.0)
+    assert np.allclose(odometry.pose_at(1.99).rotation, np.eye(3))
+    standing = Wheel(0.5, 0.0, 0)
+    for k in range(1, 300):
+        standing.add(0.02 * k, min(k, 5), min(0.02 * k, 0.1) + 0.002 * (k > 100), 1)
+    assert standing.edges == 5
+
+
+@given(st.lists(st.tuples(st.integers(-1, 1), st.floats(-0.01, 0.01)), max_size=60))
+def test_no_shift_of_the_clocks_stops_the_counting(steps):
+    wheel, count, edge_s = Wheel(0.5, 0.0, 0), 0, -1.0
+    for k, (step, shift_s) in enumerate(steps):
+        count += step
+        edge_s = (0.01 * k if step else edge_s) + shift_s
+        wheel.add(0.01 * k, count, edge_s, step)
+        assert math.isfinite(wheel.travel(0.01 * k + 0.05))
+        assert 0.0 < wheel.sigma(0.01 * k + 0.05) <= 0.5
+
+
 def test_a_wheel_that_stops_and_goes_on_is_right_again_at_the_next_edge():
     wheel = Wheel(0.5, 0.0, 0)
     for k in range(1, 6):
