@@ -39,7 +39,10 @@ HEAD = struct.Struct("<BQ")  # of a record: what it is, how long
 MESSAGE = struct.Struct("<HIQQ")  # before a message's data: channel, number, two times
 NOTABLE = tuple(f'{{"do":"{what}"' for what in ("begin", "frame", "end"))  # entries that opening looks at
 LONGEST_CHUNK = 1 << 30
-NOT_READABLE = (McapError, ValueError, KeyError, TypeError, struct.error, zstandard.ZstdError, MemoryError)
+NOT_READABLE = (
+    McapError, ValueError, LookupError, ArithmeticError, TypeError, MemoryError, struct.error,
+    zstandard.ZstdError,
+)  # fmt: skip
 REMEDY = "copy it again from where it was made"
 
 
@@ -151,7 +154,9 @@ class Recording:
         except FileNotFoundError:
             raise InputError(f"{path}: no such file; give a recording made with --record") from None
         except OSError as error:
-            raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+            raise InputError(
+                f"{path}: cannot be read ({error.strerror}); give a recording made with --record"
+            ) from None
         self._understand()
 
     @property
@@ -312,9 +317,9 @@ class Recording:
 
     def _understand(self) -> None:
         if not self._chunks:
-            raise InputError(f"{self.path}: nothing was recorded, or it was cut off before the first second")
+            raise self._empty()
         if not self.begin or not self.toml:
-            raise self._foreign()
+            raise self._empty()  # of a foreign file the head would have told
         if self.begin.get("format") != FORMAT:
             raise InputError(
                 f"{self.path}: a recording of format {self.begin.get('format')}, here {FORMAT} is read; "
@@ -324,6 +329,11 @@ class Recording:
             self.lens: Lens = lens_of(self.begin["lens"])
         except NOT_READABLE:
             raise InputError(f"{self.path}: its lens cannot be understood; {REMEDY}") from None
+
+    def _empty(self) -> InputError:
+        return InputError(
+            f"{self.path}: nothing was recorded, or it was cut off before the first second; give another one"
+        )
 
     def _foreign(self) -> InputError:
         return InputError(f"{self.path}: is MCAP, but no recording of a drive; give one made with --record")

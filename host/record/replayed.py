@@ -173,13 +173,13 @@ class _Replay:
                 self._frame = entry
                 self._first_s = entry["t_s"] if self._first_s is None else self._first_s
             case "hear":
-                pilot.hear(reading_of(entry))
+                _guarded(pilot.hear, reading_of(entry))
             case "restarted":
-                pilot.restarted()
+                _guarded(pilot.restarted)
             case "react":
-                pilot.react_within(entry["reaction_s"])
+                _guarded(pilot.react_within, entry["reaction_s"])
             case "forget":
-                pilot.forget()
+                _guarded(pilot.forget)
             case "take":
                 return self._take(entry)
             case "decide":

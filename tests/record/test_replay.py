@@ -23,7 +23,7 @@ from host.link.clock import SystemClock
 from host.link.robot import Robot
 from host.link.transport import Transport
 from host.nav.drive import drive
-from host.nav.odometry import WheelReading
+from host.nav.odometry import Odometry, WheelReading
 from host.nav.pilot import Pilot, View
 from host.nav.result import DriveLog
 from host.nav.task import Explore
@@ -218,6 +218,19 @@ def test_a_failure_that_ended_the_drive_fails_again_and_is_told_as_such(tmp_path
     assert tally.notes == ["the recording ends while picture 0 was being worked on"]
 
 
+def test_a_failure_over_the_wheels_fails_again_too(tmp_path, monkeypatch):
+    def failing(self, reading):
+        raise ZeroDivisionError("no wheels")
+
+    monkeypatch.setattr(Odometry, "add", failing)
+    lens = Lens(64, 48, 60.0, 60.0, 31.5, 23.5)
+    with pytest.raises(ZeroDivisionError), Recorder(tmp_path / "run.mcap") as recorder:
+        pilot = recorder.pilot(SystemClock(), lens, Explore(), Config(), {})
+        pilot.hear(WheelReading(0.05, 0, 0, None, None))
+    (note,) = tally_of(Recording(tmp_path / "run.mcap")).notes
+    assert "fails here, where it ended live too: ZeroDivisionError: no wheels" in note
+
+
 def written(path: Path, begin: dict, toml: str, *entries: dict) -> Path:
     writer, body = Writer(path), Config().body
     lens = Lens(64, 48, 60.0, 60.0, 31.5, 23.5)
@@ -236,6 +249,7 @@ def written(path: Path, begin: dict, toml: str, *entries: dict) -> Path:
         ({"lens": {"width": 3}}, "[nav]", (), "its lens cannot be understood"),
         ({"task": {"kind": "dance"}}, "[nav]", (), "task 'dance' is not known here"),
         ({}, "[nav]\nwings = 2", (), "recorded by a program with other settings .*unknown key nav.wings"),
+        ({"do": "entry"}, "[nav]", (), "nothing was recorded, or it was cut off"),
         ({}, "[nav]", ({"do": "hear", "t_s": 1.0},), "an entry of its journal cannot be followed"),
     ],
 )
