@@ -130,7 +130,7 @@ def main() -> int:
     if options.max_wall is not None and not 0 < options.max_wall < math.inf:
         raise UsageError(f"--max-wall {options.max_wall:g}: give seconds above zero")
     if options.json is not None:
-        check_writable(options.json, folder=False)
+        check_writable(options.json, folder=False, beside=(options.record, options.lens))
     check_writable(RUNS, folder=True)
 
     with open_page(options) as page, open_recorder(options.record) as recorder:

@@ -48,7 +48,7 @@ def main() -> int:
     from host.record.replayed import Tally
 
     if options.json is not None:
-        check_writable(options.json, folder=False)
+        check_writable(options.json, folder=False, beside=(options.recording, options.config))
     config = None if options.config is None else read_config(options.config)
     recording = Recording(options.recording)
     tally = Tally()

@@ -30,7 +30,7 @@ def main(arguments: list[str] | None = None) -> int:
     except ImportError:  # then nobody can read the command line, and the installation is what is wrong
         return see_installation(sys.argv[1:] if arguments is None else arguments)
     if options.json is not None:
-        check_writable(options.json, folder=False)
+        check_writable(options.json, folder=False, beside=(options.lens,))
     findings = visit(options, config)
     show(findings)
     if options.json is not None:

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import os
 import tempfile
+from collections.abc import Iterable
 from pathlib import Path
 
 from host.errors import UsageError
 
 
-def check_writable(path: Path, *, folder: bool) -> None:
+def check_writable(path: Path, *, folder: bool, beside: Iterable[Path | None] = ()) -> None:
     """See before any work is done that a result can go to `path`.
 
     Parameters
     ----------
     path
         The file, or with `folder` the folder, that will be written. It and its parents need not exist yet.
+    beside
+        What else the command line names, to be read or written; it must not be the same.
 
     Raises
     ------
@@ -23,6 +26,8 @@ def check_writable(path: Path, *, folder: bool) -> None:
         where something else is in the way or the place is not writable.
     """
     try:
+        if os.path.realpath(path) in {os.path.realpath(other) for other in beside if other is not None}:
+            raise UsageError(f"{path}: is given for something else too, and would be lost; name another")
         _check_place(path, folder)
     except OSError as error:
         raise UsageError(f"{path}: cannot be written ({error.strerror}); choose another place") from error

@@ -63,9 +63,7 @@ def main() -> None:
 
     recording = Recording(options.recording)
     out = options.out or options.recording.with_suffix(".rrd")
-    check_writable(out, folder=False)
-    if out.resolve() == options.recording.resolve():
-        raise UsageError(f"{out}: is the recording itself; name another file")
+    check_writable(out, folder=False, beside=(options.recording,))
     if recording.note is not None:
         print(f"note: {recording.note}", file=sys.stderr)
     tally = write_rerun(recording, out)
@@ -103,6 +101,7 @@ def write_rerun(recording: Recording, out: Path) -> Tally:
     stream.set_log_time_enabled(False)  # when this was made is nothing to look at
     tally = Tally()
     try:
+        out.parent.mkdir(parents=True, exist_ok=True)
         stream.save(draft, default_blueprint=_blueprint())
         scene = _Scene(stream, recording)
         with progress("replaying", recording.frame_count) as advance:

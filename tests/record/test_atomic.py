@@ -32,6 +32,15 @@ def test_whatever_is_no_ordinary_file_is_refused_and_kept(tmp_path: Path):
     assert [p.name for p in tmp_path.iterdir()] == ["pipe"]
 
 
+def test_what_the_command_line_names_twice_is_refused(tmp_path: Path):
+    run, other = tmp_path / "run.mcap", tmp_path / "other.mcap"
+    other.symlink_to(run)
+    for target, beside in ((run, [None, run]), (other, [run]), (tmp_path / "x" / ".." / "run.mcap", [run])):
+        with pytest.raises(UsageError, match="is given for something else too, and would be lost"):
+            check_writable(target, folder=False, beside=beside)
+    check_writable(tmp_path / "out.json", folder=False, beside=[None, run])
+
+
 @pytest.mark.parametrize("folder", [False, True])
 def test_a_name_the_disk_cannot_hold_is_refused_in_one_line(tmp_path: Path, folder: bool):
     with pytest.raises(UsageError, match="too long"):
