@@ -89,7 +89,8 @@ def _unimported(error: ImportError) -> str:
 
 
 def _line(error: object) -> str:
-    return " ".join(str(error).split("\n"))
+    """Without what a terminal would obey: a server may have said it, or a file be called so."""
+    return "".join(letter if letter.isprintable() else " " for letter in str(error))
 
 
 def run_command(command: Callable[[], int | None]) -> None:

@@ -53,13 +53,13 @@ def test_what_does_not_load_is_told_in_one_line_with_who_can_tell_more(command):
     assert "no_such" in run.stderr and "make setup" in run.stderr and "host.doctor" in run.stderr
 
 
-def test_an_error_about_a_name_with_a_line_feed_is_one_line_too(capfd):
+def test_an_error_about_a_name_with_a_line_feed_is_one_line_too_and_nothing_a_terminal_obeys(capfd):
     def refuse() -> None:
-        raise UsageError("a\nb: no such file")
+        raise UsageError("a\nb\x1b[2J: no such file")
 
     with pytest.raises(SystemExit) as stop:
         run_command(refuse)
-    assert stop.value.code == 2 and capfd.readouterr().err == "error: a b: no such file\n"
+    assert stop.value.code == 2 and capfd.readouterr().err == "error: a b [2J: no such file\n"
 
 
 @pytest.mark.parametrize(

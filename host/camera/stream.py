@@ -100,12 +100,12 @@ class MjpegStream:
 
 
 def _connection(url: str) -> http.client.HTTPConnection:
-    parts = urlsplit(url)
     kinds = {"http": http.client.HTTPConnection, "https": http.client.HTTPSConnection}
     try:
+        parts = urlsplit(url)
         if parts.scheme in kinds and parts.hostname:
             return kinds[parts.scheme](parts.hostname, parts.port, timeout=CONNECT_S)
-    except ValueError:  # of the port
+    except ValueError:  # of brackets or of the port
         pass
     raise UsageError(f"camera {url}: is no address; write it as http://192.168.1.20:8080/video")
 

@@ -123,6 +123,7 @@ def test_a_lens_of_another_size_is_refused():
         ("http://127.0.0.1:1/", DeviceError, "does not answer .*Connection refused.*is it on"),
         ("http://no.such.host.invalid/", DeviceError, "does not answer"),
         ("http://", UsageError, "is no address; write it as http://"),
+        ("http://[::1/", UsageError, "is no address; write it as http://"),
         ("http://here:port/", UsageError, "is no address; write it as http://"),
     ],
 )
