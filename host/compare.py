@@ -25,7 +25,7 @@ from host.config import read_options
 from host.view.figures import FIGURES, REACHED, Figure, outcome_text
 
 MARKS = {1: "better", -1: "worse", 0: ""}
-NEEDED = {"outcome": str, "reason": str, "camera": str, "robot": str, "task": str, "duration_s": float}
+NEEDED = {"outcome": str, "reason": str, "camera": str, "robot": str, "task": str, "duration_s": int | float}
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ def read_run(path: Path) -> Run:
     InputError
         It cannot be read, or is no result of a drive.
     """
-    file = path / "result.json" if path.is_dir() else path
+    file = _file_of(path)
     try:
         result = json.loads(file.read_text(encoding="utf-8"))
     except OSError as error:
@@ -70,6 +70,10 @@ def read_run(path: Path) -> Run:
             f"{file}: is no result of a drive, it has no {lacks[0]}; name a run's folder or its result.json"
         )
     return Run(path.resolve().name if path.is_dir() else path.name, result)
+
+
+def _file_of(path: Path) -> Path:
+    return path / "result.json" if path.is_dir() else path
 
 
 def notes(first: dict[str, Any], second: dict[str, Any]) -> list[str]:
@@ -153,10 +157,17 @@ def main() -> int:
     check_writable(options.html, folder=False)
     runs = read_run(options.first), read_run(options.second)
     for path in (options.first, options.second):
-        if options.html.resolve() == path.resolve():
+        if options.html.resolve() == _file_of(path).resolve():
             raise UsageError(f"--html {options.html}: is one of the two results; name another file")
-    show(*runs)
-    write_whole(options.html, page(*runs))
+    try:
+        both = page(*runs)
+        show(*runs)
+    except (AttributeError, IndexError, KeyError, TypeError, ValueError) as error:
+        raise InputError(
+            f"{options.first} or {options.second}: is damaged, or was written by another version "
+            f"({type(error).__name__}: {error}); name runs that this program made"
+        ) from None
+    write_whole(options.html, both)
     print(f"page: {options.html}")
     return EXIT_DONE
 

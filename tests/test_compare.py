@@ -78,10 +78,27 @@ def test_what_is_no_result_is_said_to_be_none(two, monkeypatch, content, complai
     assert "name a" in str(told.value) and not (two / "x").exists()
 
 
-def test_a_result_is_never_overwritten_by_the_page(two, monkeypatch):
-    before = (two / "two.json").read_text()
-    arguments = [str(two / "one"), str(two / "two.json"), "--html", str(two / "two.json")]
+@pytest.mark.parametrize(
+    "damage",
+    [
+        {"settings": [1]}, {"settings": {"a": 1}}, {"versions": ["x"]}, {"trace": {"x_cm": [1, 2]}},
+        {"depths": [{"a": 1}]}, {"floor": [1]}, {"goal_cm": [1]},
+    ],
+)  # fmt: skip
+def test_a_damaged_result_is_told_in_one_line_and_leaves_no_page(two, monkeypatch, damage):
+    (two / "two.json").write_text(json.dumps(a_result() | damage))
+    arguments = [str(two / "one"), str(two / "two.json"), "--html", str(two / "x")]
+    monkeypatch.setattr(sys, "argv", ["compare", *arguments])
+    with pytest.raises(InputError, match=r"two\.json: is damaged, or was written by another version"):
+        compare.main()
+    assert not (two / "x").exists()
+
+
+@pytest.mark.parametrize("file", ["two.json", "one/result.json"])
+def test_a_result_is_never_overwritten_by_the_page(two, monkeypatch, file):
+    before = (two / file).read_text()
+    arguments = [str(two / "one"), str(two / "two.json"), "--html", str(two / file)]
     monkeypatch.setattr(sys, "argv", ["compare", *arguments])
     with pytest.raises(UsageError, match="is one of the two results"):
         compare.main()
-    assert (two / "two.json").read_text() == before
+    assert (two / file).read_text() == before
