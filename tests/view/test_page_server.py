@@ -177,12 +177,21 @@ def test_a_slow_browser_gets_fewer_pictures_and_then_the_newest(page):
     assert len(page.drawn_ms) == 1
 
 
-def test_what_nobody_should_say_is_passed_over(page):
+def test_what_nobody_should_say_is_passed_over(page, caplog):
     robot = begin(page)
 
     async def babble(session: aiohttp.ClientSession) -> str:
         async with session.ws_connect(page.url + "live", headers=origin_of(page)) as line:
-            for text in ("", "[]", '{"stop":1}', '{"drawn":[]}', '{"drawn":99}', "\x00", '"stop"'):
+            for text in (
+                "",
+                "[]",
+                '{"stop":1}',
+                '{"drawn":[]}',
+                '{"drawn":99}',
+                "\x00",
+                '"stop"',
+                "[" * 1000,
+            ):
                 await line.send_str(text)
             page.say("still here")
             while (said := json.loads(await line.receive_str()))["text"] == "starting":
@@ -191,6 +200,7 @@ def test_what_nobody_should_say_is_passed_over(page):
 
     assert talk(babble) == "still here"
     assert robot.halted is None
+    assert not caplog.records
 
 
 def test_how_it_ended_is_told_also_to_those_who_come_later(page):
@@ -218,6 +228,34 @@ def test_at_the_end_browsers_are_told_and_the_port_is_free_again():
     assert talk(look) is aiohttp.WSMsgType.CLOSE
     with LivePage(port=port) as again:
         assert urlsplit(again.url).port == port
+
+
+@pytest.mark.skipif(not socket.has_dualstack_ipv6(), reason="this machine has no IPv6")
+def test_all_of_this_machine_by_ipv6_means_its_ipv4_addresses_too(monkeypatch):
+    monkeypatch.setattr(server, "_towards_others", lambda: "127.0.0.1")
+    with LivePage("::", 0) as page:
+        assert status(page, "GET", "/", {}) == 200
+        assert status(page, "GET", "/", {}, token=False) == 403
+
+
+def test_the_end_waits_no_longer_for_many_that_do_not_listen_than_for_one():
+    page = LivePage(port=0)
+    url = urlsplit(page.url)
+    asked = {"Host": url.netloc, **origin_of(page), **UPGRADE}
+    head = "".join(f"{name}: {value}\r\n" for name, value in asked.items())
+    lines = [socket.create_connection((url.hostname, url.port)) for _ in range(12)]
+    try:
+        for line in lines:
+            line.sendall(f"GET /live HTTP/1.1\r\n{head}\r\n".encode())
+        give_up_s = time.monotonic() + PATIENCE_S
+        while len(page._browsers) < len(lines) and time.monotonic() < give_up_s:
+            time.sleep(0.01)
+        assert len(page._browsers) == len(lines)
+        page.close()
+        assert not page._thread.is_alive()
+    finally:
+        for line in lines:
+            line.close()
 
 
 def test_where_the_usual_port_is_taken_it_is_the_next_one_that_is_free(monkeypatch):

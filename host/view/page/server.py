@@ -193,9 +193,9 @@ class LivePage:
         await runner.setup()
         await web.SockSite(runner, self._socket).start()
         await self._over.wait()
-        for browser in list(self._browsers):
-            with contextlib.suppress(Exception):
-                await asyncio.wait_for(browser.socket.close(), END_S / 4)
+        # At once, as those that no longer listen would take all the time one after the other.
+        good_byes = (asyncio.wait_for(browser.socket.close(), END_S / 4) for browser in self._browsers)
+        await asyncio.gather(*good_byes, return_exceptions=True)
         await runner.cleanup()
 
     async def _page(self, _: web.Request) -> web.Response:
@@ -243,7 +243,7 @@ class LivePage:
                     "kind": "drawn", "ms": round(self.drawn_ms[-1], 1), "command_ms": round(command_ms, 1)
                 }  # fmt: skip
                 browser.news.set()
-        except (ValueError, AttributeError, TypeError):
+        except (ValueError, AttributeError, TypeError, RecursionError):
             pass  # nobody that is known says such things
 
     async def _feed(self, browser: _Browser) -> None:
@@ -314,7 +314,9 @@ def _listen(host: str, port: int | None) -> socket.socket:
         raise UsageError(f"--view-host {host}: no such host; give an address of this machine") from None
     for number in wanted:
         try:
-            return socket.create_server((str(address), number), family=family)
+            # All of this machine means its IPv4 addresses too, which are the ones that get printed.
+            both = address == "::" and socket.has_dualstack_ipv6()
+            return socket.create_server((str(address), number), family=family, dualstack_ipv6=both)
         except OverflowError:
             raise UsageError(f"--view-port {number}: give 0 to 65535") from None
         except OSError as error:
