@@ -365,7 +365,7 @@ def _summary_rows(result: dict[str, Any]) -> list[tuple[str, str]]:
     rows.append(("frame time", spread(ms)))
     rows += [(f"  of it {stage}", spread(times)) for stage, times in result["stage_ms"].items()]
     rows.append(("exposure to command", spread(result["latency_ms"])))
-    rows.append(("stops on the way", str(result["times_stopped"])))
+    rows.append(("stops, with that at the end", str(result["times_stopped"])))
     if "recording" in result:
         made = result["recording"]
         early = "" if made["ended_early"] is None else f"; ended early: {made['ended_early']}"

@@ -59,7 +59,7 @@ FIGURES = (
     Figure("pictures", ("frames",)),
     Figure("lost pictures", ("dropped_frames",), better="less"),
     Figure("pictures not driven on", ("refused_frames",), better="less"),
-    Figure("stops on the way", ("times_stopped",), better="less"),
+    Figure("stops, with that at the end", ("times_stopped",), better="less"),
     Figure("carried off or slipped", ("times_forgotten",), better="less"),
     Figure("faults of the robot", ("faults_cleared",), better="less"),
     Figure("robot lost", ("reconnections",), better="less"),

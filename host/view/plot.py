@@ -200,7 +200,7 @@ class _Chart:
         left, right = self.x.at(under.x), self.x.at(under.x + under.width)
         low, high = self.y.at(under.y), self.y.at(under.y + under.height)
         yield f'<image x="{left:.1f}" y="{high:.1f}" width="{right - left:.1f}" height="{low - high:.1f}"'
-        yield f' preserveAspectRatio="none" href="{under.href}"/>'
+        yield f' preserveAspectRatio="none" href="{html.escape(under.href)}"/>'
 
     def _grid(self) -> Iterator[str]:
         bottom, right = self.height - BOTTOM, WIDTH - RIGHT

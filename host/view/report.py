@@ -31,6 +31,7 @@ from host.view.plot import Plot, draw
 PICTURE_PX = 640  # wide, in the page
 JPEG_QUALITY = 72
 MOST_DECISIONS = 400  # told in the page; result.json has more
+STOP_LATE_S = 0.2  # from a stop's place in the log to the look at what was truly ahead
 
 
 def report(result: dict[str, Any], folder: Path) -> bytes:
@@ -114,20 +115,28 @@ def _pictures(result: dict[str, Any], folder: Path) -> str:
             f'<figure><img alt="{html.escape(picture["file"])}" src="{source}">'
             f"<figcaption>{html.escape(words)}</figcaption></figure>\n"
         )
-    true = {(stop["reason"]): stop["true_room_cm"] for stop in result.get("stops") or []}
-    rows = [
-        (f"{t_s:.1f} s", why, *([f"{true[why]:.0f} cm"] if why in true else [""] * bool(true)))
-        for t_s, why in stops_of(result)
-    ]
-    columns = ("stopped at", "why", *([f"truly free ahead ({TRUTH})"] * bool(true)))
-    out = "<h2>Stops</h2>\n" + (
-        html_page.table(columns, rows[-MOST_DECISIONS:], "words") if rows else "<p>None on the way.</p>\n"
-    )
+    out = "<h2>Stops</h2>\n" + _stops(result)
     if stops:
         out += f'<div class="plots">\n{"".join(stops)}</div>\n'
     if others:
         out += f'<h2>On the way</h2>\n<div class="plots">\n{"".join(others)}</div>\n'
     return out
+
+
+def _stops(result: dict[str, Any]) -> str:
+    """When and why it stood, and how far it could have gone on where that is known."""
+    told, true = stops_of(result)[-MOST_DECISIONS:], result.get("stops") or []
+    if not told:
+        return "<p>None on the way.</p>\n"
+    if not true:
+        return html_page.table(("stopped at", "why"), [(f"{t_s:.1f} s", why) for t_s, why in told], "words")
+    rows = []
+    for t_s, why in told:
+        # The same reason may come again and again: of those the one at this time.
+        late = {abs(one["t_s"] - result["began_s"] - t_s): one for one in true if one["reason"] == why}
+        room = f"{late[min(late)]['true_room_cm']:.0f} cm" if late and min(late) < STOP_LATE_S else ""
+        rows.append((f"{t_s:.1f} s", why, room))
+    return html_page.table(("stopped at", "why", f"truly free ahead ({TRUTH})"), rows, "words")
 
 
 def _jpeg(path: Path) -> str | None:

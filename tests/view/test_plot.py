@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from host.view.plot import HEIGHT, WIDTH, Mark, Plot, Series, brief, draw, round_step
+from host.view.plot import HEIGHT, WIDTH, Mark, Plot, Series, Underlay, brief, draw, round_step
 
 NUMBER = st.one_of(st.none(), st.floats(width=32), st.integers(-5, 5).map(float))
 
@@ -74,3 +74,10 @@ def test_ticks_are_round(least, step):
 
 def test_numbers_are_brief():
     assert [brief(v) for v in (0, 0.05, 2.5, 1200, 1e-6)] == ["0", "0.05", "2.5", "1200", "1e-6"]
+
+
+def test_what_a_result_says_of_its_picture_does_not_become_part_of_the_page():
+    under = Underlay('data:image/png;base64,"/><script>alert(1)</script>', 0.0, 0.0, 10.0, 10.0)
+    svg = draw(Plot("way", "plan", "x", "y", [Series("way", [1.0, 2.0], [1.0, 2.0])], underlay=under))
+    ElementTree.fromstring(svg)
+    assert "<script" not in svg

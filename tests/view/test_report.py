@@ -93,6 +93,25 @@ def test_it_stands_alone_is_small_and_quickly_made(folder):
     assert not fetched, fetched
 
 
+def test_stops_for_the_same_reason_have_each_its_own_truth(folder):
+    result, why = a_result(), "stop: looking again before going on"
+    result["decisions"] = [
+        {"t_s": t_s, "v_mm_s": v, "omega_rad_s": 0.0, "reason": reason, "pictures": 1}
+        for t_s, v, reason in (
+            (0.0, 99.0, "go"), (1.0, 0.0, why), (1.2, 99.0, "go"), (3.0, 0.0, why), (3.2, 99.0, "go"),
+            (5.0, 0.0, why), (5.5, 99.0, "go"), (6.0, 0.0, "goal: reached"),
+        )
+    ]  # fmt: skip
+    result["stops"] = [
+        {"t_s": result["began_s"] + t_s, "reason": why, "true_room_cm": room, "false": False}
+        for t_s, room in ((1.0, 21.0), (3.01, 43.0))
+    ]
+    rows = re.findall(
+        r"<tr><td>(\d\.0 s)</td><td>stop: [^<]*</td><td>([^<]*)</td>", report(result, folder).decode()
+    )
+    assert rows == [("1.0 s", "21 cm"), ("3.0 s", "43 cm"), ("5.0 s", "")]
+
+
 def test_without_the_simulator_no_truth_is_told(folder):
     result = a_result()
     truths = ("collisions", "run_into", "min_clearance_cm", "final_pose_error", "depth_errors", "depths",
