@@ -194,13 +194,23 @@ def new_run_folder(runs: Path, name: str) -> Path:
     try:
         runs.mkdir(parents=True, exist_ok=True)
         folder, k = runs / name, 2
-        while folder.exists():
+        while not _made(folder):
             folder, k = runs / f"{name}-{k}", k + 1
-        folder.mkdir()
-        link = runs / ".latest"
-        link.unlink(missing_ok=True)
-        link.symlink_to(folder.name, target_is_directory=True)
-        os.replace(link, runs / "latest")
+        link = runs / f".latest-{folder.name}"  # of its own: other drives may end at this moment
+        try:
+            link.symlink_to(folder.name, target_is_directory=True)
+            os.replace(link, runs / "latest")
+        finally:
+            link.unlink(missing_ok=True)
     except OSError as error:
         raise UsageError(f"{runs} cannot be written: {error.strerror}; run from another folder") from None
     return folder
+
+
+def _made(folder: Path) -> bool:
+    """Whether it was not there before."""
+    try:
+        folder.mkdir()
+    except FileExistsError:
+        return False
+    return True

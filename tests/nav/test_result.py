@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -92,12 +93,20 @@ def test_two_runs_of_one_second_get_two_folders_and_latest_is_the_second(tmp_pat
     assert (tmp_path / "runs" / "latest").resolve() == second.resolve()
 
 
+def test_drives_that_end_at_the_same_moment_each_get_a_folder(tmp_path):
+    with ThreadPoolExecutor(8) as pool:
+        folders = set(pool.map(lambda _: new_run_folder(tmp_path / "runs", "20260101-120000"), range(64)))
+    assert len(folders) == 64 and (tmp_path / "runs" / "latest").resolve() in folders
+    assert len(list((tmp_path / "runs").iterdir())) == 65
+
+
 def test_a_latest_that_is_no_link_is_left_alone_and_named(tmp_path):
     (tmp_path / "runs" / "latest").mkdir(parents=True)
     (tmp_path / "runs" / "latest" / "mine").write_text("x")
     with pytest.raises(UsageError, match="runs"):
         new_run_folder(tmp_path / "runs", "20260101-120000")
     assert (tmp_path / "runs" / "latest" / "mine").read_text() == "x"
+    assert sorted(p.name for p in (tmp_path / "runs").iterdir()) == ["20260101-120000", "latest"]
 
 
 def test_a_result_that_is_not_finite_is_never_written(tmp_path):
