@@ -60,7 +60,7 @@ def read_config(path: Path) -> Config:
         naming the file and the line or key that cannot be followed.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")  # some editors begin with a mark
     except FileNotFoundError as error:
         raise UsageError(f"{path}: no such configuration file; check --config") from error
     except OSError as error:
@@ -201,12 +201,13 @@ def _option_fields(kind: type) -> typing.Iterator[tuple[str, Any, Any]]:
 
 def _config_file(arguments: list[str]) -> Path | None:
     """The file named by --config, which must be known before the other settings are parsed over it."""
-    for k, argument in enumerate(arguments):
+    named = DEFAULT_FILE if DEFAULT_FILE.is_file() else None
+    for k, argument in enumerate(arguments):  # the last one counts, as of every option
         if argument == "--config" and k + 1 < len(arguments):
-            return Path(arguments[k + 1])
-        if argument.startswith("--config="):
-            return Path(argument.removeprefix("--config="))
-    return DEFAULT_FILE if DEFAULT_FILE.is_file() else None
+            named = Path(arguments[k + 1])
+        elif argument.startswith("--config="):
+            named = Path(argument.removeprefix("--config="))
+    return named
 
 
 def _section(path: Path, text: str, section: str, table: dict[str, Any]) -> Any:

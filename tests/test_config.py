@@ -230,6 +230,14 @@ def test_the_command_line_wins_over_the_file_and_the_file_over_defaults(tmp_path
     assert read_command_line(SomeOptions, ["--name=a", f"--config={file}"])[1].nav.speed_cm_s == 30.0
 
 
+def test_of_several_files_the_last_counts_and_a_mark_before_the_first_letter_does_not(tmp_path: Path):
+    one, other = tmp_path / "one.toml", tmp_path / "other.toml"
+    one.write_text("[nav]\nspeed_cm_s = 11\n")
+    other.write_text("\ufeff[nav]\nspeed_cm_s = 13\n", encoding="utf-8")
+    _, config = read_command_line(SomeOptions, ["--name=a", "--config", str(one), f"--config={other}"])
+    assert config.nav.speed_cm_s == 13.0
+
+
 def test_robot_toml_of_the_working_directory_is_used(tmp_path: Path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert read_command_line(SomeOptions, ["--name", "a"])[1] == Config()
