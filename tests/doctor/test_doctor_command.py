@@ -15,7 +15,7 @@ from host.camera.lens_file import write_lens
 from host.config import Config
 from host.doctor.__main__ import main
 from host.doctor.finding import EXIT_CODES, Finding, Outcome, exit_code
-from host.doctor.show import show
+from host.doctor.show import show, write_json
 from host.doctor.visit import DoctorOptions, visit
 from host.errors import UsageError
 from host.link.robot import Robot
@@ -173,6 +173,13 @@ def test_without_rich_the_findings_are_plain_lines(monkeypatch, capsys):
         "          -> use another port",
         "1 of 1 checks failed: begin with the uppermost",
     ]
+
+
+def test_what_is_found_gets_into_a_file_also_where_the_versions_cannot_be_told(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "host.record.versions", None)
+    write_json([Finding("camera", "rate", Outcome.FAIL, "slow", "mend it")], tmp_path / "out.json")
+    told = json.loads((tmp_path / "out.json").read_text())
+    assert told["exit_code"] == EXIT_CODES["camera"] and told["versions"] == {}
 
 
 def test_a_library_that_only_one_part_needs_spares_the_others(tmp_path, monkeypatch):
