@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import select
 import sys
+import termios
 from collections.abc import Callable
 from typing import Protocol
 
@@ -31,6 +32,8 @@ class AtTerminal:
 
     def ask(self, question: str, meanwhile: Callable[[], object]) -> str:
         """Show the question and wait for a line; nothing where the input ends."""
+        # What was typed before it was asked is no answer: wheels may turn at a yes.
+        termios.tcflush(sys.stdin, termios.TCIFLUSH)
         print(f"{question} ", end="", file=sys.stderr, flush=True)
         while not select.select([sys.stdin], [], [], 0.1)[0]:
             meanwhile()
