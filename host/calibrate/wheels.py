@@ -505,6 +505,6 @@ def sentences(result: Calibration, options: WheelsOptions) -> list[str]:
     mean_cm = (sizes.um_left + sizes.um_right) / 2e4
     lines.append(
         f"Now write into robot.toml, [body]: cm_per_count = {mean_cm:.4f}, "
-        f"track_cm = {sizes.track_um / 1e4:.2f}"
+        f"track_cm = {sizes.track_um / 1e4:.2f}, wheel_ratio = {sizes.um_left / sizes.um_right:.4f}"
     )
     return lines

@@ -100,6 +100,8 @@ def check_body(values: Mapping[Param, int], body: BodyConfig) -> Finding:
         wrong.append(("cm_per_count", f"{body.cm_per_count:g}", f"{true_cm:.4f}"))
     if abs(body.track_cm / true_track_cm - 1) > AGREE:
         wrong.append(("track_cm", f"{body.track_cm:g}", f"{true_track_cm:.2f}"))
+    if abs(body.wheel_ratio * right / left - 1) > AGREE:
+        wrong.append(("wheel_ratio", f"{body.wheel_ratio:g}", f"{left / right:.4f}"))
     if wrong:
         told = "; ".join(f"body.{key} = {ours}, the robot has {theirs}" for key, ours, theirs in wrong)
         fix = ", ".join(f"{key} = {theirs}" for key, _, theirs in wrong)

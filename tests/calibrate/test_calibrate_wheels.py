@@ -85,7 +85,13 @@ def test_the_robot_has_the_parameters_and_has_them_still_after_a_restart(calibra
 def test_a_person_is_told_all_of_it_in_plain_words(calibrated) -> None:
     _, _, options, result = calibrated
     told = "\n".join(sentences(result, options))
-    for part in ("counts per metre", "UMBmark: right wheel over left", "times less", "robot.toml, [body]"):
+    for part in (
+        "counts per metre",
+        "UMBmark: right wheel over left",
+        "times less",
+        "robot.toml, [body]",
+        "wheel_ratio = ",
+    ):
         assert part in told
 
 

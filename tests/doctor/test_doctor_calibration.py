@@ -78,6 +78,11 @@ def test_wheels_that_nobody_measured_are_told():
             "cm_per_count = 0.5",
             "cm_per_count = 0.5410",
         ),
+        (
+            {Param.UM_PER_COUNT_LEFT: 5075, Param.UM_PER_COUNT_RIGHT: 4925},
+            "wheel_ratio = 1, the robot has 1.0305",
+            "[body]: wheel_ratio = 1.0305",
+        ),
         ({Param.TRACK_UM: 162_000}, "track_cm = 15, the robot has 16.20", "[body]: track_cm = 16.20"),
     ],
 )
