@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from host.config import DEFAULT_FILE, Config
+from host.config import Config
 from host.errors import EXIT_DONE, InputError, UsageError
 
 if TYPE_CHECKING:
@@ -50,8 +50,9 @@ def measure(options: DelayOptions, config: Config) -> Delay:
 
 def run(options: DelayOptions, config: Config) -> int:
     """The command's body; 3 where too little was to be seen."""
-    from host.calibrate.keep import keep, toml_lines
+    from host.calibrate.keep import check_keepable, tell
 
+    check_keepable(options.save)
     found = measure(options, config)
     late_ms, sigma_ms = 1e3 * found.late_s, 1e3 * found.sigma_s
     print(
@@ -66,10 +67,5 @@ def run(options: DelayOptions, config: Config) -> int:
         raise InputError(
             f"± {sigma_ms:.1f} ms is too little to go by: more --sweeps, less slip, more to be seen"
         )
-    settings = {"webcam": {"late_s": round(found.late_s, 4)}}
-    if options.save:
-        keep(settings)
-        print(f"Written to {DEFAULT_FILE}: webcam.late_s = {settings['webcam']['late_s']}")
-    else:
-        print("For robot.toml (or --save):", *toml_lines(settings), sep="\n")
+    tell({"webcam": {"late_s": round(found.late_s, 4)}}, options.save)
     return EXIT_DONE

@@ -37,6 +37,7 @@ PARTS = 3  # of the way
 HARDLY = 0.05  # of what lacks to the same
 MODEL_SIGMA, MODEL_SIGMA_RAD = 0.02, 0.003  # relative, of the height, and of angles, that no part shows
 LEVEL_RAD = math.radians(0.5)  # nearer to level than this need not be better
+SURE = 2.0  # sigmas of an angle; one that is less may as well be none
 
 
 @dataclass(frozen=True)
@@ -53,7 +54,9 @@ class Mount:
     @property
     def level(self) -> bool:
         """Is it level enough for a program that takes it to be?"""
-        return max(abs(self.pitch), abs(self.roll)) < LEVEL_RAD
+        _, pitch_sigma, roll_sigma, _ = self.sigmas
+        angles = (self.pitch, pitch_sigma), (self.roll, roll_sigma)
+        return all(abs(angle) < max(LEVEL_RAD, SURE * sigma) for angle, sigma in angles)
 
 
 @dataclass(frozen=True)

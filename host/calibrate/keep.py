@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from host.config import DEFAULT_FILE, parse_config
-from host.record.atomic import write_whole
+from host.record.atomic import check_writable, write_whole
 
 Settings = Mapping[str, Mapping[str, float]]  # by section
 
@@ -43,6 +43,23 @@ def keep(settings: Settings, path: Path = DEFAULT_FILE) -> None:
             f"{path}: is written so that it cannot be changed line by line; write {toml_lines(settings)}"
         )
     write_whole(path, text.encode())
+
+
+def check_keepable(save: bool) -> None:
+    """See before the robot drives that what it is to measure can be kept, where that is asked for."""
+    if save:
+        check_writable(DEFAULT_FILE, folder=False)
+
+
+def tell(settings: Settings, save: bool) -> None:
+    """Write the settings into robot.toml, or say what to write there."""
+    if not save:
+        print("For robot.toml (or --save):", *toml_lines(settings), sep="\n")
+        return
+    keep(settings)
+    for section, values in settings.items():
+        for key, value in values.items():
+            print(f"Written to {DEFAULT_FILE}: {section}.{key} = {value}")
 
 
 def _with(text: str, section: str, key: str, value: str) -> str:

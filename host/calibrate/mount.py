@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from host.config import DEFAULT_FILE, Config
+from host.config import Config
 from host.errors import EXIT_DONE, InputError, UsageError
 
 if TYPE_CHECKING:
@@ -79,8 +79,9 @@ def sentences(found: Mount, config: Config) -> list[str]:
 
 def run(options: MountOptions, config: Config) -> int:
     """The command's body; 3 where too little of the floor was to be seen, or what comes out is not likely."""
-    from host.calibrate.keep import keep, toml_lines
+    from host.calibrate.keep import check_keepable, tell
 
+    check_keepable(options.save)
     found = measure(options, config)
     for line in sentences(found, config):
         print(line)
@@ -94,10 +95,5 @@ def run(options: MountOptions, config: Config) -> int:
             f"{found.height_cm:.1f} cm is far from the {height_cm:g} that are set, and a bare floor can "
             "mislead: measure with a ruler, set --body.camera-height-cm to that, and try again"
         )
-    settings = {"body": {"camera_height_cm": round(found.height_cm, 2)}}
-    if options.save:
-        keep(settings)
-        print(f"Written to {DEFAULT_FILE}: body.camera_height_cm = {settings['body']['camera_height_cm']}")
-    else:
-        print("For robot.toml (or --save):", *toml_lines(settings), sep="\n")
+    tell({"body": {"camera_height_cm": round(found.height_cm, 2)}}, options.save)
     return EXIT_DONE

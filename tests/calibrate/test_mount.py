@@ -99,6 +99,23 @@ def test_what_was_found_is_told_in_plain_words() -> None:
     assert "takes the camera to be level" not in "\n".join(sentences(level, Config()))
 
 
+@pytest.mark.parametrize(("roll", "sigma", "told"), [(0.0128, 0.0072, False), (0.0128, 0.004, True)])
+def test_nobody_is_told_to_turn_a_camera_by_less_than_is_known(roll: float, sigma: float, told: bool) -> None:
+    found = Mount(15.0, 0.001, roll, 0.0, (0.2, 0.003, sigma, 0.003), 0.9)
+    assert ("turn it by these angles" in "\n".join(sentences(found, Config()))) == told
+
+
+@pytest.mark.parametrize("command", ["mount", "delay"])
+def test_what_cannot_be_kept_is_told_before_the_robot_drives(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "robot.toml").mkdir()
+    monkeypatch.setattr("host.nav.rig.open_rig", lambda *_, **__: pytest.fail("it was driven"))
+    with pytest.raises(UsageError, match=r"robot\.toml: is a folder"):
+        main([command, "--save"])
+
+
 @pytest.mark.parametrize(
     ("found", "complaint"),
     [
