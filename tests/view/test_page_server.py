@@ -115,6 +115,48 @@ def test_without_its_token_other_machines_get_nothing(open_page):
     assert robot.halted == STOPPED
 
 
+def test_strangers_take_few_of_the_programs_files_and_not_for_long(open_page, monkeypatch):
+    monkeypatch.setattr(server, "MOST_STRANGERS", 3)
+    monkeypatch.setattr(server, "STRANGER_S", 0.3)
+    robot, url = begin(open_page), urlsplit(open_page.url)
+
+    def hung_up(line: socket.socket) -> bool:
+        try:
+            return line.recv(1) == b""
+        except ConnectionResetError:
+            return True
+
+    async def look_on(session: aiohttp.ClientSession) -> None:
+        address = f"http://{url.netloc}/live?{url.query}"
+        async with session.ws_connect(address, headers=origin_of(open_page)) as line:
+            await line.receive()
+            lines = [socket.create_connection((url.hostname, url.port), PATIENCE_S) for _ in range(9)]
+            try:
+                late = await asyncio.gather(*(asyncio.to_thread(hung_up, one) for one in lines))
+            finally:
+                for one in lines:
+                    one.close()
+            assert all(late)
+            await line.send_json({"stop": True})
+            while json.loads(await line.receive_str())["kind"] != "stopped":
+                pass
+
+    talk(look_on)
+    assert robot.halted == STOPPED
+    assert not open_page._strangers
+    assert status(open_page, "GET", "/", {}) == 200
+
+
+def test_who_is_refused_is_hung_up_on(open_page):
+    url = urlsplit(open_page.url)
+    with socket.create_connection((url.hostname, url.port), PATIENCE_S) as line:
+        line.sendall(f"GET / HTTP/1.1\r\nHost: {url.netloc}\r\n\r\n".encode())
+        said = b""
+        while piece := line.recv(4096):
+            said += piece
+    assert said.startswith(b"HTTP/1.1 403")
+
+
 def test_there_is_nothing_else_and_looking_stops_nothing(page):
     robot = begin(page)
     assert status(page, "GET", "/stop", origin_of(page)) == 405

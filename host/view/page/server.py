@@ -41,6 +41,8 @@ PORTS_TRIED = 20  # from there on, where nobody asked for one
 IN_FLIGHT = 2  # pictures on their way to a browser that has not said yet that it has drawn them
 REMEMBERED = 1000  # times from exposure to drawn
 END_S = 2.0  # for saying good-bye to browsers
+STRANGER_S = 5.0  # a caller who asked for nothing that is allowed to him is hung up on after this long
+MOST_STRANGERS = 32  # at a time: each takes a file, and those the drive needs must not run out
 STOPPED = "STOP pressed on the live page"
 HERE = Path(__file__).parent
 HEADERS = {
@@ -89,6 +91,7 @@ class LivePage:
         self._loop = asyncio.new_event_loop()
         self._over = asyncio.Event()
         self._browsers: set[_Browser] = set()
+        self._strangers: dict[asyncio.BaseProtocol, asyncio.TimerHandle] = {}
         self._note: dict[str, Any] = {"kind": "wait", "text": "starting"}
         self._shot: Shot | None = None
         self._message: tuple[int, bytes] = (0, b"")
@@ -182,7 +185,11 @@ class LivePage:
             host, origin, token = headers.get("Host"), headers.get("Origin"), request.query.get("token")
             objection = self._guard.objection(host, origin, token, acts=request.path != "/")
             if objection is not None:
-                return web.Response(status=403, text=objection + "\n", headers=HEADERS)
+                refusal = web.Response(status=403, text=objection + "\n", headers=HEADERS)
+                refusal.force_close()
+                return refusal
+            if (timer := self._strangers.pop(request.protocol, None)) is not None:
+                timer.cancel()
             return await handler(request)
 
         app = web.Application(middlewares=[checked])
@@ -191,12 +198,28 @@ class LivePage:
         ])  # fmt: skip
         runner = web.AppRunner(app, handle_signals=False, access_log=None, shutdown_timeout=END_S / 2)
         await runner.setup()
-        await web.SockSite(runner, self._socket).start()
+        answer = runner.server
+        assert answer is not None, "it was set up"
+        listening = await self._loop.create_server(lambda: self._called(answer), sock=self._socket)
         await self._over.wait()
+        listening.close()
         # At once, as those that no longer listen would take all the time one after the other.
         good_byes = (asyncio.wait_for(browser.socket.close(), END_S / 4) for browser in self._browsers)
         await asyncio.gather(*good_byes, return_exceptions=True)
         await runner.cleanup()
+
+    def _called(self, answer: web.Server) -> asyncio.BaseProtocol:
+        """Somebody connects: a stranger until he asks for something that he may have."""
+        if len(self._strangers) >= MOST_STRANGERS:
+            return _Engaged()
+        caller = answer()
+        self._strangers[caller] = self._loop.call_later(STRANGER_S, self._hang_up, caller)
+        return caller
+
+    def _hang_up(self, caller: web.RequestHandler) -> None:
+        del self._strangers[caller]
+        if caller.transport is not None:
+            caller.transport.abort()
 
     async def _page(self, _: web.Request) -> web.Response:
         from aiohttp import web
@@ -286,6 +309,14 @@ class LivePage:
         if self._job is not None:
             self._job.robot.halt(STOPPED)
         self._tell({"kind": "stopped", "reason": STOPPED})
+
+
+class _Engaged(asyncio.Protocol):
+    """Hangs up at once."""
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        assert isinstance(transport, asyncio.Transport)
+        transport.abort()
 
 
 class _Browser:
