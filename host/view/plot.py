@@ -17,6 +17,7 @@ LETTER = 5.6  # px, of the average letter
 LEGEND_ROW = 16
 COLOURS = 8
 MOST_HOVERS = 150  # of one line
+ALONE = 0.1  # of a value, or of 1 if that is more, shown on either side where all values are this one
 BAR_ROW = 17
 STYLE = """
 :root { --grid: #e3e3e3; --ink: #222; --muted: #666; --back: #fff; --limit: #b5302e; --free: #d9ead6;
@@ -103,7 +104,8 @@ class _Axis:
         known = [v for v in values if math.isfinite(v) and (v > 0 or not log)] or [1.0]
         low, high = (self._scaled(v) for v in (min(known), max(known)))
         least = max(abs(low), abs(high), 1.0) * 1e-6 if not log else 0.5
-        widen = max(slack * (high - low), least if high - low < least else 0.0)
+        alone = max(abs(low), abs(high), 1.0) * ALONE if not log else 0.5
+        widen = alone if high - low < least else slack * (high - low)
         self.low, self.high = low - widen * (low != 0 or log), high + widen
         self._from_px, self._to_px = from_px, to_px
 

@@ -81,3 +81,11 @@ def test_what_a_result_says_of_its_picture_does_not_become_part_of_the_page():
     svg = draw(Plot("way", "plan", "x", "y", [Series("way", [1.0, 2.0], [1.0, 2.0])], underlay=under))
     ElementTree.fromstring(svg)
     assert "<script" not in svg
+
+
+def test_values_that_are_all_the_same_have_an_axis_that_tells_them_apart_from_others():
+    for value in (0.0, 7.4, 1500.0):
+        svg = draw(Plot("one", "points", "s", "V", [Series("one", [0.0, 1.0], [value, value])]))
+        ticks = re.findall(r"text-anchor=\"end\"[^>]*>([^<]*)</text>", svg)
+        assert len(ticks) > 1 and len(set(ticks)) == len(ticks), ticks
+        assert not any("e-" in tick for tick in ticks)
