@@ -129,6 +129,8 @@ def main() -> int:
         raise UsageError(f"--max-time {options.max_time:g}: give seconds above zero")
     if options.max_wall is not None and not 0 < options.max_wall < math.inf:
         raise UsageError(f"--max-wall {options.max_wall:g}: give seconds above zero")
+    if not options.view and (options.view_port, options.view_host) != (None, Options.view_host):
+        raise UsageError("--view-host and --view-port say where the live page is: add --view")
     if options.json is not None:
         check_writable(options.json, folder=False, beside=(options.record, options.lens))
     check_writable(RUNS, folder=True)

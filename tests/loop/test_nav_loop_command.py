@@ -157,6 +157,8 @@ def test_what_a_drive_is_for_is_chosen_and_told(arguments, task, goal, tmp_path)
         (["--max-wall", "0"], "--max-wall"),
         (["--view", "--view-port", "99999"], "--view-port 99999"),
         (["--view", "--view-host", "nowhere.invalid"], "--view-host nowhere.invalid"),
+        (["--view-port", "8090"], "add --view"),
+        (["--view-host", "0.0.0.0", "--no-view"], "add --view"),
         (["--camera", "sim:nowhere"], "sim:nowhere"),
         (["--camera", "sim:room?seed=x"], "seed"),
         (["--camera", "sim:room", "--robot", "/dev/ttyACM0"], "do not go together"),
