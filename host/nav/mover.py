@@ -38,7 +38,8 @@ BEYOND_CM = 80.0  # so far beyond where it has been it may go
 SEEN_BESIDE = 0.1  # x/z: its shadow, and what the net makes one region with it
 OFTEN = 10  # even motions seen, until nobody doubts it
 REMEMBERED_S = 32.0  # out of sight, it is reckoned with for so long
-BRIEFLY_S = 3.0  # if that was seen only a few times
+BRIEFLY_S = 3.0  # if that was seen only a few times,
+HARDLY_S = 8.0  # and if it was seen to go hardly any way: nobody knows where to
 FORESEEN_S = 40.0  # if it is known where it turns round, on both sides
 
 
@@ -97,6 +98,8 @@ class Mover:
         """So long after it was last seen it is reckoned with."""
         if not self.certain:
             return BRIEFLY_S
+        if self.been_cm[1] - self.been_cm[0] < LONG_CM:
+            return HARDLY_S
         return REMEMBERED_S if self.low_cm is None or self.high_cm is None else FORESEEN_S
 
     @cached_property

@@ -19,6 +19,7 @@ from host.nav.crossing import Crossing, best_crossing
 from host.nav.map import FREE, OCCUPIED, Obstacle, ObstacleMap
 from host.nav.odometry import body_of
 from host.nav.plan import Room, Way, at_points, find_way, room_around, tightest
+from host.nav.stand import AT_BORDER
 from host.nav.yielding import BACK_CM_S, BERTH_CM, CROSSING_BERTH_CM, Course, Verdict, judge, unknown_mover
 from host.pose import Pose, wrap
 
@@ -205,8 +206,8 @@ def decide(
         return Command(0.0, 0.0, f"goal reached, {to_goal:.0f} cm off", "goal"), plan
 
     points = _meant(plan, (x, z), goal_cm) if plan.cross is None else (plan.cross.aim,)
-    berth = CROSSING_BERTH_CM if plan.cross is not None and plan.cross.under_way else BERTH_CM
-    held, wait = give_way(plan.wait, obstacle_map, camera, plan.v_cm_s, points, berth)
+    across = plan.cross is not None and plan.cross.under_way
+    held, wait = give_way(plan.wait, obstacle_map, camera, plan.v_cm_s, points, across)
     plan = replace(plan, wait=wait, v_cm_s=0.0)
     if held.command is not None:
         v_cm_s = held.command.v_mm_s / 10
@@ -263,6 +264,8 @@ def _go(
     piece_from = plan.piece_from or (x, z)
     plan = replace(plan, piece_from=piece_from)
     ahead = look_ahead(obstacle_map, x, z, heading)
+    if plan.cross is not None and plan.cross.under_way and _is_below(ahead):
+        ahead = replace(ahead, sigma_cm=0.0)  # floor that was free: it is what moves, and no time to doubt
     v, reason = speed_ahead(ahead, obstacle_map)
     if v == 0.0 and ahead.obstacle is not None and ahead.obstacle.moving:  # it will be gone
         return Command(0.0, 0.0, reason), plan
@@ -315,7 +318,7 @@ def give_way(
     camera: Pose,
     v_cm_s: float,
     points: tuple[tuple[float, float], ...],
-    berth_cm: float = BERTH_CM,
+    across: bool = False,
 ) -> tuple[Held, Wait | None]:
     """What is left to do while something moves: all, to go up to its line, to stand, or to get out of it.
 
@@ -326,7 +329,7 @@ def give_way(
     wait : what the last call left behind.
     v_cm_s : forward speed that was told last.
     points : (x, z) that the robot means to pass.
-    berth_cm : that it keeps from where something that moves can be.
+    across : it is on its way across the line of something that moves, over floor that was seen to be free.
     """
     body, config, t_s = obstacle_map.body, obstacle_map.config, camera.t_s
     x, z, heading = body_of(camera, body.camera_ahead_cm)
@@ -334,12 +337,14 @@ def give_way(
     if movers:
         ahead = look_ahead(obstacle_map, x, z, heading)
         behind = look_ahead(obstacle_map, x, z, wrap(heading + math.pi))
-        passing = ahead.obstacle is not None and ahead.obstacle.moving  # it will be gone
+        passing = ahead.obstacle is not None and (ahead.obstacle.moving or (across and _is_below(ahead)))
         open_ahead = passing or (ahead.obstacle is None and not ahead.edge)
         room = math.inf if open_ahead else ahead.room_cm - config.clearance_cm
         back = min(behind.room_cm, behind.unseen_cm) - config.clearance_cm
-        unseen = math.inf if passing else ahead.unseen_cm  # it goes over floor
-        course = Course((x, z), heading, v_cm_s, points, room, unseen, back, berth_cm)
+        sure = min(ahead.unseen_cm, ahead.room_cm - SURE_SIGMAS * ahead.sigma_cm)
+        fast = math.inf if passing else sure  # beyond that it creeps; what passes goes over floor
+        berth = CROSSING_BERTH_CM if across else BERTH_CM
+        course = Course((x, z), heading, v_cm_s, points, room, fast, back, berth)
         verdict = judge(movers, course, body, config, t_s)
         if verdict is not None:
             return Held(_leave(verdict, obstacle_map, ahead, back), verdict, back), None
@@ -387,7 +392,7 @@ def _cross(
             return None, plan
         cross = None
     if cross is not None and cross.there and held.verdict is None:
-        return None, replace(plan, cross=replace(cross, under_way=True), piece_from=None)
+        return None, replace(plan, cross=replace(cross, under_way=True), piece_from=here)
     if cross is None or ((cross.there or held.stands) and t_s - cross.found_s > RENEW_S):
         found = _best_crossing(obstacle_map, here)
         if found is None:
@@ -404,7 +409,7 @@ def _cross(
         back := _back_off(held, cross.crossing, obstacle_map, t_s, here, heading)
     ):
         return back, replace(plan, v_cm_s=back.v_mm_s / 10)
-    return _watch(held, heading, cross.crossing.heading, obstacle_map), plan
+    return _watch(held, heading, _bearing(here, cross.crossing.end), obstacle_map), plan
 
 
 def _back_off(
@@ -446,6 +451,11 @@ def _watch(held: Held, heading: float, across: float, obstacle_map: ObstacleMap)
         omega = min(obstacle_map.config.turn_rad_s, max(SLOWEST_TURN_RAD_S, 1.5 * abs(off)))
         return Command(0.0, math.copysign(omega, off), f"turn to watch {thing}, giving way")
     return Command(0.0, 0.0, f"stop: {thing} crosses ahead, giving way")
+
+
+def _is_below(ahead: Ahead) -> bool:
+    """Whether what is ahead stands somewhere below the picture."""
+    return ahead.obstacle is not None and ahead.obstacle.how == AT_BORDER
 
 
 def up_to(held: Held, config: NavConfig, v_cm_s: float, reason: str) -> tuple[float, str]:

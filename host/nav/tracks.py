@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from host.nav.mover import SIGMA_RAY, Mover, Sight
+from host.nav.mover import SIGMA_RAY, TURNED_CM, Mover, Sight
 from host.nav.stand import CUT_PART, Feet, quantile
 
 OVER_S = 0.7  # a velocity across the view is that over so long
@@ -38,7 +38,7 @@ LEAST_COLUMNS = 3
 CONFIRMED = 3  # even motions one after the other, until it counts as a mover
 LINE_S = 45.0  # where it would be looked for if it came back
 NEAR_CM = 60.0  # the foot of what stands nearer may be below the picture
-ABOUT_CM = 15.0  # it is then taken for the mover that should be so near to there
+ABOUT_CM = 8.0  # it is then taken for the mover that should be so near to there
 BESIDE_CM = 25.0  # the same mover comes back on its line, off by so much
 LIKE_RAD = math.radians(35)
 STILL_CM = 2.5  # who goes no farther across the view in ALONG_S stands
@@ -183,12 +183,18 @@ class Movers:
         """A region that is known to move is here, whether or not its motion shows."""
         for k, mover in enumerate(self._all):
             if mover.region == region and place.t_s - mover.t_s < HELD_S:
-                if abs(mover.along(place.x_cm, place.z_cm)[1]) < BESIDE_CM:
+                at, beside = mover.along(place.x_cm, place.z_cm)
+                low, high = mover.reach(np.array([place.t_s]))
+                if abs(beside) < BESIDE_CM and low[0] - ABOUT_CM < at < high[0] + ABOUT_CM:
                     self._all[k] = mover.told(place, region, None)
                 return
 
     def seen_on_line(self, mover: Mover, region: int, place: Sight) -> None:
         """A mover was seen where only the direction to it is known, and that it is on its line."""
+        now = np.array([place.t_s])
+        off = abs(mover.along(place.x_cm, place.z_cm)[0] - float(mover.place(now)[0]))
+        if place.t_s - mover.t_s < HELD_S and off > TURNED_CM:  # too badly seen to tell that it turned
+            return
         k = next(k for k, one in enumerate(self._all) if one is mover)
         self._all[k] = mover.told(place, region, None)
 

@@ -21,7 +21,7 @@ FORESIGHT_S = 8.0
 LEAVE_S = 5.0  # who stands in a line looks so far ahead
 STEP_S = 0.2
 BERTH_CM = 4.0  # the rim keeps this far from where it can be
-CROSSING_BERTH_CM = 1.5  # once it is on its way across
+CROSSING_BERTH_CM = 0.0  # once it is on its way across
 ON_LINE_CM = 3.0  # who is nearer to where it may ever come stands in its line
 WAIT_CM = 45.0  # it waits with its rim this far off: there it sees the feet of what comes
 GAIN_CM_S2 = 40.0  # the robot gains speed like this
@@ -45,7 +45,7 @@ class Course:
     v_cm_s: float
     points: tuple[tuple[float, float], ...]  # that it means to pass, each after a turn in place
     room_cm: float  # straight ahead the rim can go this far
-    unseen_cm: float  # and this far over floor that was seen
+    fast_cm: float  # and this far at full speed: over floor that was seen, to nothing that is in doubt
     back_cm: float  # and this far back
     berth_cm: float = BERTH_CM  # that it keeps from where something can be
 
@@ -146,7 +146,7 @@ def _driven(course: Course, config: NavConfig, after: np.ndarray, part: float) -
         if turns_s > 0.0:
             turns_s -= STEP_S
             continue
-        most = part * min(config.speed_cm_s, config.creep_cm_s + 2 * max(0.0, course.unseen_cm - gone))
+        most = part * min(config.speed_cm_s, config.creep_cm_s + 2 * max(0.0, course.fast_cm - gone))
         if now_s >= ACTS_S:
             v = min(most, v + GAIN_CM_S2 * STEP_S)
         step = min(v * STEP_S, room - gone)
