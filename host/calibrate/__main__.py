@@ -18,7 +18,9 @@ Exit codes: 0 done, 2 usage, 3 the views or the ride tell too little, or what wa
 
 from __future__ import annotations
 
-from host.errors import begin_command, run_command
+import sys
+
+from host.errors import UsageError, begin_command, run_command
 
 if __name__ == "__main__":
     begin_command()
@@ -39,11 +41,19 @@ WITH_SETTINGS = ("camera", "mount", "delay", "check")
 def main(arguments: list[str] | None = None) -> int | None:
     """The command."""
     unknown = "nothing called {name!r} can be calibrated"
+    arguments = sys.argv[1:] if arguments is None else arguments
     asked = read_subcommand("host.calibrate", COMMANDS, __doc__ or "", unknown, arguments, WITH_SETTINGS)
     if asked is None:
         return None
     module, given = asked
-    return module.run(*given) if isinstance(given, tuple) else module.run(given)
+    if not isinstance(given, tuple):
+        return module.run(given)
+    elsewhere = any(word.partition("=")[0] == "--config" for word in arguments)
+    if elsewhere and getattr(given[0], "save", False):
+        raise UsageError(
+            "--save writes into robot.toml, not into the file of --config: give only one"
+        )
+    return module.run(*given)
 
 
 if __name__ == "__main__":

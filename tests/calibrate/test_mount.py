@@ -153,6 +153,18 @@ def test_a_wrong_command_line_gets_one_line(arguments: list[str], complaint: str
     assert complaint in str(told.value) and "\n" not in str(told.value)
 
 
+@pytest.mark.parametrize("command", ["mount", "delay"])
+def test_nothing_is_kept_in_another_file_than_the_settings_came_from(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.toml").write_text("[body]\ntrack_cm = 16.0\n")
+    monkeypatch.setattr("host.nav.rig.open_rig", lambda *_, **__: pytest.fail("it was driven"))
+    with pytest.raises(UsageError, match=r"--save writes into robot\.toml, not into the file of --config"):
+        main([command, "--save", "--config", "mine.toml"])
+    assert not (tmp_path / "robot.toml").exists()
+
+
 # --- robot.toml ---------------------------------------------------------------------------------
 
 
