@@ -50,9 +50,7 @@ def main(arguments: list[str] | None = None) -> int | None:
         return module.run(given)
     elsewhere = any(word.partition("=")[0] == "--config" for word in arguments)
     if elsewhere and getattr(given[0], "save", False):
-        raise UsageError(
-            "--save writes into robot.toml, not into the file of --config: give only one"
-        )
+        raise UsageError("--save writes into robot.toml, not into the file of --config: give only one")
     return module.run(*given)
 
 
