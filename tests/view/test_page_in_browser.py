@@ -22,7 +22,8 @@ from host.link.protocol import Fault, Telemetry
 from host.link.robot import Robot
 from host.link.serial_port import SerialPort
 from host.nav.config import BodyConfig
-from host.view.page.server import LivePage
+from host.view.page.server import STOPPED, LivePage
+from tests.view.watching import Listener
 
 pytestmark = pytest.mark.skipif(
     program() is None, reason="chromium is not installed: tools/setup, or `apt-get install chromium`"
@@ -170,3 +171,24 @@ def test_stop_takes_the_motors_power_while_the_loop_is_busy(browser, port, how):
         if all(report.duty_left_permille == report.duty_right_permille == 0 for report in late):
             return
     pytest.fail(f"in none of {TRIES} tries the motors were off within {STOP_S} s")
+
+
+@pytest.mark.parametrize("heard", [True, False])
+def test_a_stop_that_nobody_heard_is_told_and_sent_when_the_line_is_back_soon(browser, heard):
+    with LivePage(port=0) as page:
+        port = int(page.url.split(":")[2].strip("/"))
+        tab = browser.open(page.url)
+        tab.wait_for("window.live?.phase() === 'wait' && socket.readyState === 1")
+    tab.wait_for("live.phase() === 'gone'")
+    assert not tab.ask("$('stop').disabled")
+    tab.press_key("Space")
+    assert "press the button on the robot" in tab.ask("$('reason').textContent")
+    tab.ask(f"pressedAt += {10_000 if heard else -10_000}; 0")  # however long a busy machine takes
+    robot = Listener()
+    with LivePage(port=port) as page:
+        page.begin("a drive", [], BodyConfig(), robot, lambda t_s: t_s)  # type: ignore[arg-type]
+        tab.wait_for("socket.readyState === 1")
+        if heard:
+            tab.wait_for("live.phase() === 'stopped'")
+        time.sleep(0.2)
+        assert robot.halted == (STOPPED if heard else None)

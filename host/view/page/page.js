@@ -4,13 +4,14 @@
 const $ = (id) => document.getElementById(id);
 const query = location.search;
 const STALE_MS = 700, RETRY_MS = 1000, PLOT_S = 10, WORDS_MS = 150;
+const STOP_KEPT_MS = 5000; // a STOP that nobody heard is sent again where the line comes back so soon
 const NEAR_CM = 30, FAR_CM = 300;
 const DOUBT = 0.2; // of a depth: what is less sure than this is drawn faintly
 const RAMP = ["#ff5544", "#ff9b2f", "#f2d23c", "#78d46c", "#35c4c8", "#4b93f0", "#8f7bea"]; // near to far
 const STAGE_COLOURS = ["#8f7bea", "#4b93f0", "#35b3b8", "#5bb456", "#d9b52c", "#ef8b2c", "#e2564a", "#999"];
 const GOOD_ENDS = ["goal", "explored", "approached"];
 
-let socket = null, phase = "wait", heardAt = 0, stopping = false;
+let socket = null, phase = "wait", heardAt = 0, stopping = false, pressedAt = -Infinity;
 let picture = null, shot = null, known = null, view = null, colours = {};
 let took = null, wordsAt = 0;
 const queue = [], drawnAt = [], history = [];
@@ -28,9 +29,10 @@ function connect() {
     if (typeof event.data === "string") hear(JSON.parse(event.data));
     else { queue.push(event.data); drawQueue(); }
   };
+  socket.onopen = () => { if (unheard()) sendStop(); };
   socket.onclose = () => {
     const why = "no connection to the robot's program: it has ended, or the network is gone";
-    if (phase !== "end") setPhase("gone", why);
+    if (phase !== "end") setPhase("gone", unheard() ? UNHEARD : why);
     setTimeout(connect, RETRY_MS);
   };
 }
@@ -38,8 +40,9 @@ function connect() {
 function hear(note) {
   if (note.kind === "drawn") took = note;
   else if (note.kind === "wait") setPhase("wait", note.text);
-  else if (note.kind === "stopped") setPhase("stopped", note.reason);
+  else if (note.kind === "stopped") { pressedAt = -Infinity; setPhase("stopped", note.reason); }
   else if (note.kind === "end") {
+    pressedAt = -Infinity;
     const said = note.outcome === "stopped" || note.reason.startsWith(note.outcome);
     const words = said ? note.reason : `${note.outcome}: ${note.reason}`;
     setPhase("end", `ended: ${words}`);
@@ -58,17 +61,26 @@ function setPhase(next, words) {
   if (next === "gone") chip("no connection", "bad");
   if (next === "wait") { chip("starting", ""); stopping = false; history.length = 0; }
   const button = $("stop");
-  button.disabled = next === "end" || next === "gone";
+  button.disabled = next === "end";
   const said = stopping && next !== "end" ? "STOPPING" : "STOP";
   button.firstChild.textContent = next === "stopped" ? "STOPPED" : said;
 }
 
+const UNHEARD = "STOP cannot be sent, there is no connection: press the button on the robot";
+const unheard = () => performance.now() - pressedAt < STOP_KEPT_MS;
+
 // Both ways at once: whichever is quicker. Being told twice changes nothing.
-function stop() {
-  if (phase === "end" || phase === "gone") return;
-  stopping = true;
+function sendStop() {
   if (socket.readyState === WebSocket.OPEN) socket.send('{"stop":true}');
   fetch(`/stop${query}`, { method: "POST", keepalive: true }).catch(() => {});
+}
+
+function stop() {
+  if (phase === "end") return;
+  pressedAt = performance.now();
+  sendStop();
+  if (phase === "gone") { $("reason").textContent = UNHEARD; return; }
+  stopping = true;
   if (phase !== "stopped") $("stop").firstChild.textContent = "STOPPING";
   if (navigator.vibrate) navigator.vibrate(80);
 }
