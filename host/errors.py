@@ -17,6 +17,8 @@ EXIT_SAFETY = 5
 EXIT_DIFFERENT = 6  # a replay came to something else than the drive did
 EXIT_INTERRUPTED = 130
 
+ENDINGS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)  # a closed terminal is as Ctrl-C
+
 
 class RobotError(Exception):
     """One line for a person: what is wrong, where, and how to fix it."""
@@ -52,8 +54,9 @@ def begin_command() -> None:
 
     Ends the program where the checkout was not set up, and at Ctrl-C until `run_command` takes over.
     """
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, _leave_early)
+    for number in ENDINGS:
+        if number != signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN:  # nohup asks to go on
+            signal.signal(number, _leave_early)
     sys.excepthook = _leave_unimported
     packages = ("numpy", "cv2", "rich", "serial", "tyro", "aiohttp", "mcap", "mcap_ros2")
     modules = ("host.rbdn._core", "host.depth._depth", "host.nav._nav", "host.sim._render", "host.sim._board")
@@ -95,7 +98,7 @@ def _line(error: object) -> str:
 
 def run_command(command: Callable[[], int | None]) -> None:
     """Run a command's body; exit with its code, and turn a RobotError into one line on stderr."""
-    for number in (signal.SIGINT, signal.SIGTERM):  # a polite kill ends as Ctrl-C does
+    for number in ENDINGS:
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, signal.default_int_handler)
     try:

@@ -186,7 +186,7 @@ def test_a_missing_webcam_gets_one_line_and_exit_code_4(tmp_path):
     assert "/dev/video99" in done.stderr
 
 
-@pytest.mark.parametrize("kind", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("kind", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_ctrl_c_still_writes_the_result_and_exits_130(kind, tmp_path):
     process = subprocess.Popen(
         [*SCRIPT, "--camera", "sim:room?seed=3", "--json", "out.json"],
