@@ -18,6 +18,7 @@ if __name__ == "__main__":
     begin_command()
 
 import itertools
+import shutil
 import sys
 from collections import defaultdict
 from dataclasses import dataclass, field
@@ -38,6 +39,7 @@ if TYPE_CHECKING:  # so that --help need not wait for OpenCV and Rerun
     from host.record.mcap_reader import Recording
     from host.record.replayed import Step, Tally
 
+ROOM_SHARE, ROOM_BYTES = 2.0, 5e6  # of the size of the recording, and besides: enough
 MAP_EVERY = 3  # pictures; the map changes slowly
 MOST_SERIES = 12  # regions whose depth is drawn over time: those seen most often
 LEVELS = {20: "INFO", 30: "WARN", 40: "ERROR"}
@@ -102,6 +104,7 @@ def write_rerun(recording: Recording, out: Path) -> Tally:
     tally = Tally()
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
+        _check_room(recording.path, out)
         stream.save(draft, default_blueprint=_blueprint())
         scene = _Scene(stream, recording)
         with progress("replaying", recording.frame_count) as advance:
@@ -121,6 +124,17 @@ def write_rerun(recording: Recording, out: Path) -> Tally:
     finally:
         draft.unlink(missing_ok=True)
     return tally
+
+
+def _check_room(recording: Path, out: Path) -> None:
+    """Rerun's writer waits for ever where the disk is full, so it must not come to that."""
+    needed = ROOM_SHARE * recording.stat().st_size + ROOM_BYTES
+    free = shutil.disk_usage(out.parent).free
+    if free < needed:
+        raise UsageError(
+            f"{out}: takes up to {needed / 1e6:.0f} MB and {free / 1e6:.0f} are free there; "
+            "delete something, or name another disk with --out"
+        )
 
 
 def _blueprint() -> Any:

@@ -6,6 +6,7 @@ import subprocess
 import sys
 from collections import defaultdict
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -114,3 +115,12 @@ def test_the_recording_itself_is_not_written_over(recorded_drive, monkeypatch):
     with pytest.raises(UsageError, match="is given for something else too"):
         rerun_command.main()
     assert recorded_drive.read_bytes() == before
+
+
+def test_a_disk_without_room_is_told_before_anything_is_written(recorded_drive, tmp_path, monkeypatch):
+    pytest.importorskip("rerun.chunk")
+    monkeypatch.setattr("sys.argv", ["rerun", str(recorded_drive), "--out", str(tmp_path / "run.rrd")])
+    monkeypatch.setattr(rerun_command.shutil, "disk_usage", lambda folder: SimpleNamespace(free=300_000))
+    with pytest.raises(UsageError, match=r"run\.rrd: takes up to \d+ MB and 0 are free there"):
+        rerun_command.main()
+    assert list(tmp_path.iterdir()) == []
