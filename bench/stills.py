@@ -164,10 +164,12 @@ def _timed(run: Callable[[], np.ndarray]) -> tuple[np.ndarray, float]:
     return out, 1e3 * (time.thread_time() - begin)
 
 
-def measure(options: Options) -> dict[float, dict[str, Agreement]]:
+def measure(
+    options: Options, photographs: list[tuple[Path, np.ndarray]]
+) -> dict[float, dict[str, Agreement]]:
     """Pooled agreement by merge distance and method."""
     results = {distance: {OURS: Agreement(), RIVAL: Agreement()} for distance in options.merge_distances}
-    for path, drawn in _photographs(options.folder):
+    for path, drawn in photographs:
         image = cv2.imread(str(path))
         if image is None:
             raise InputError(f"{path}: no image that OpenCV can read; replace it or take it out")
@@ -210,14 +212,14 @@ def main() -> None:
     check_json(options.json)
     at_least("merge-distances", len(options.merge_distances), 1)
     at_least("merge-distances", min(options.merge_distances), 1)
+    photographs = _photographs(options.folder)
     try:
         import skimage  # noqa: F401  # pyright: ignore[reportMissingImports]
     except ImportError as error:
         raise UsageError("felzenszwalb is missing: .venv/bin/pip install -e '.[bench]'") from error
     cv2.setNumThreads(1)
-    results = measure(options)
-    photographs = next(iter(results.values()))[OURS].images
-    table = Table(title=f"Outlines in {photographs} photographs against people's")
+    results = measure(options, photographs)
+    table = Table(title=f"Outlines in {len(photographs)} photographs against people's")
     for heading in ("merge distance", "method"):
         table.add_column(heading)
     for heading in ("regions", "precision", "recall", "F", "CPU ms"):

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from bench.help_time import commands
-from host.errors import EXIT_DEVICE, EXIT_INPUT, EXIT_USAGE
+from host.errors import ENDINGS, EXIT_DEVICE, EXIT_INPUT, EXIT_USAGE
 
 ROOT = Path(__file__).resolve().parent.parent
 COMMANDS = commands(ROOT)
@@ -31,10 +31,14 @@ GIVEN = {
 }
 
 
+# A module that is run as a program and was imported before: what these tests are about.
+pytestmark = pytest.mark.filterwarnings("ignore:.* found in sys.modules:RuntimeWarning")
+
+
 @pytest.fixture(autouse=True)
 def as_it_was() -> Iterator[None]:
     """What a command changes in its process is put back."""
-    kept = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    kept = {number: signal.getsignal(number) for number in ENDINGS}
     path = list(sys.path)
     yield
     for number, handler in kept.items():

@@ -224,7 +224,7 @@ class _Trip:
         while True:
             asked_s = self.clock.now_s()
             good_for_s = self.picture_s + self.config.frame_stale_s - asked_s  # the last one
-            wait_s = min(PICTURE_S, max(good_for_s, LISTEN_S))
+            wait_s = max(LISTEN_S, good_for_s) if 0.0 < good_for_s < PICTURE_S else PICTURE_S
             try:
                 frame = self.camera.read(wait_s)
             except DeviceError as error:
