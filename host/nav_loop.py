@@ -33,6 +33,7 @@ from typing import TYPE_CHECKING, Any
 
 from host.config import Config, read_command_line
 from host.nav.config import MOST_CELLS, NavConfig
+from host.progress import LiveText
 from host.record.atomic import check_writable, write_whole
 
 if TYPE_CHECKING:  # what takes long to load is loaded when the command line was read
@@ -45,6 +46,7 @@ if TYPE_CHECKING:  # what takes long to load is loaded when the command line was
 
 RUNS = Path("runs")
 APPROACH_HALF_CM = 1000.0  # an approach goes straight on; this far it finds its map
+TICK_S = 0.1  # between two lines on the terminal
 LONGEST_WALL_S = 52.0  # of a simulated drive that is not asked to last longer
 
 
@@ -177,14 +179,14 @@ def _drive(
         if page is not None:
             goals = route or ([] if goal_cm is None else [goal_cm])
             page.begin(words, goals, config.body, rig.robot, rig.monotonic_s)
-        with Ticker() as ticker:
+        with LiveText(TICK_S, transient=True) as ticker:
 
             def on_view(view: View, log: DriveLog) -> None:
                 if page is not None:
                     page.show(view.frame, view, pilot.map, log)
                 gallery.add(view)
                 rig.watch(view)
-                ticker.show(log)
+                ticker.show(lambda: moment(log), cut=True)
                 if recorder is not None:
                     recorder.drove(view, log, rig.robot)
 
@@ -193,7 +195,7 @@ def _drive(
                     page.show(frame, None, pilot.map, log)
                 rig.refuse(why)
                 gallery.refuse(frame, why)
-                ticker.show(log)
+                ticker.show(lambda: moment(log), cut=True)
                 if recorder is not None:
                     recorder.refused(frame, why, log, rig.robot)
 
@@ -284,41 +286,10 @@ def _joined_goals(arguments: list[str]) -> list[str]:
     return [*out, f"--goal={' '.join(goals)}"] if goals else out
 
 
-class Ticker:
-    """One live line on a terminal: time, distance, what the robot does and why."""
-
-    EVERY_S = 0.1
-
-    def __init__(self) -> None:
-        from rich.console import Console
-        from rich.live import Live
-
-        console = Console(stderr=True)
-        shown = console.is_terminal
-        self._live = Live(console=console, transient=True, auto_refresh=False) if shown else None
-        self._shown_s = -math.inf
-
-    def __enter__(self) -> Ticker:
-        if self._live is not None:
-            self._live.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self._live is not None:
-            self._live.stop()
-
-    def show(self, log: DriveLog) -> None:
-        now_s = time.monotonic()
-        if self._live is None or now_s - self._shown_s < self.EVERY_S:
-            return
-        from rich.text import Text
-
-        self._shown_s = now_s
-        last = log.decisions[-1]
-        line = (
-            f"{log.duration_s:5.1f} s  {log.distance_cm:5.0f} cm  {last.v_mm_s / 10:4.0f} cm/s  {last.reason}"
-        )
-        self._live.update(Text(line, overflow="ellipsis", no_wrap=True), refresh=True)
+def moment(log: DriveLog) -> str:
+    """Time, distance, what the robot does and why, in a line."""
+    last = log.decisions[-1]
+    return f"{log.duration_s:5.1f} s  {log.distance_cm:5.0f} cm  {last.v_mm_s / 10:4.0f} cm/s  {last.reason}"
 
 
 def print_summary(result: dict[str, Any], folder: Path) -> None:

@@ -16,6 +16,7 @@ from host.camera.config import WebcamConfig
 from host.camera.frame import FrameSource
 from host.camera.source import camera_name, is_live, open_camera
 from host.errors import InputError
+from host.progress import LiveText
 
 FRAME_S = 5.0  # a picture takes at most so long to come
 ASKED = 6  # pictures without the board that are searched for another one
@@ -58,7 +59,7 @@ def watch(uri: str, board: Board, webcam: WebcamConfig | None, enough: Callable[
     watched: Watched | None = None
     asked, new_s = 0, time.monotonic()
     try:
-        with screen:
+        with screen.text:
             while (frame := camera.read(FRAME_S)) is not None:
                 height, width = frame.image.shape[:2]
                 if watched is None:
@@ -126,27 +127,12 @@ class Screen:
     """Coverage on stderr: redrawn in place on a terminal, else a line for each view."""
 
     def __init__(self, live: bool) -> None:
-        self._live = None
-        self._shown_s = 0.0
+        self.text = LiveText(SHOW_S, transient=False)
         self._may_end = live and sys.stdin is not None and sys.stdin.isatty()
-        if sys.stderr.isatty():
-            from rich.console import Console
-            from rich.live import Live
-
-            self._live = Live(console=Console(stderr=True), auto_refresh=False)
-
-    def __enter__(self) -> Screen:
-        if self._live is not None:
-            self._live.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self._live is not None:
-            self._live.stop()
 
     def show(self, cover: Coverage, verdict: str) -> None:
         """What became of a picture, and what is still missing."""
-        if self._live is None:
+        if not self.text.shown:
             if verdict == "taken":
                 missing = cover.missing()
                 wish = f"; next: {missing[0]}" if missing else ""
@@ -155,13 +141,10 @@ class Screen:
                     file=sys.stderr,
                 )
             return
-        if verdict != "taken" and time.monotonic() - self._shown_s < SHOW_S:
-            return
-        from rich.text import Text
-
-        self._shown_s = time.monotonic()
         ends = "; Enter ends it" if self._may_end else ""
-        self._live.update(Text("\n".join([*cover.lines(), f"now: {WORDS[verdict]}{ends}"])), refresh=True)
+        self.text.show(
+            lambda: "\n".join([*cover.lines(), f"now: {WORDS[verdict]}{ends}"]), at_once=verdict == "taken"
+        )
 
     def asked_to_end(self) -> bool:
         """Has Enter been pressed?"""

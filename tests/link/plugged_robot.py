@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
+from host.link.protocol import State
+from host.link.robot import Robot
 from host.sim.rolling import RollingRobot
 from host.sim.serve import PACE_S, Pacer, Port
 
@@ -53,3 +57,24 @@ class Plug(threading.Thread):
                 port.write(said)
         if port is not None:
             port.close()
+
+
+@contextlib.contextmanager
+def plugged_in(path: Path) -> Iterator[Plug]:
+    """One that is plugged in at first."""
+    plug = Plug(path)
+    plug.start()
+    plug.put_in(True)
+    yield plug
+    plug.end()
+
+
+def drive(robot: Robot, seconds: float) -> None:
+    """Drive; a robot that stopped itself, as on a busy machine, is told to go on."""
+    until_s = time.monotonic() + seconds
+    while time.monotonic() < until_s:
+        robot.poll()
+        if robot.latest is not None and robot.latest.state == State.FAULT:
+            robot.clear()
+        robot.drive(150, 0)
+        time.sleep(0.02)

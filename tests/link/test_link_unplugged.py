@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 
 import pytest
-from plugged_robot import Plug
+from plugged_robot import Plug, drive, plugged_in
 
 from host.errors import DeviceError
 from host.link.clock import SystemClock
@@ -19,22 +19,8 @@ from host.link.serial_port import SerialPort
 
 @pytest.fixture
 def plug(tmp_path: Path):
-    plug = Plug(tmp_path / "robot")
-    plug.start()
-    plug.put_in(True)
-    yield plug
-    plug.end()
-
-
-def drive(robot: Robot, seconds: float) -> None:
-    """Drive; a robot that stopped itself, as on a busy machine, is told to go on."""
-    until_s = time.monotonic() + seconds
-    while time.monotonic() < until_s:
-        robot.poll()
-        if robot.latest is not None and robot.latest.state == State.FAULT:
-            robot.clear()
-        robot.drive(150, 0)
-        time.sleep(0.02)
+    with plugged_in(tmp_path / "robot") as plug:
+        yield plug
 
 
 def test_a_port_that_goes_and_comes_back_is_opened_again(plug: Plug):

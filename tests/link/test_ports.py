@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 import serial
-from plugged_robot import Plug
+from plugged_robot import Plug, drive, plugged_in
 
 from host.errors import DeviceError, UsageError
 from host.link import ports
@@ -78,11 +78,8 @@ def make(monkeypatch: pytest.MonkeyPatch):
 
 @pytest.fixture
 def plug(tmp_path: Path):
-    plug = Plug(tmp_path / "ttyACM0")
-    plug.start()
-    plug.put_in(True)
-    yield plug
-    plug.end()
+    with plugged_in(tmp_path / "ttyACM0") as plug:
+        yield plug
 
 
 def uno(path: object, number: str | None = "7543", location: str | None = "1-1") -> SerialDevice:
@@ -238,16 +235,6 @@ def test_ports_are_listed_likeliest_first_with_the_names_that_last(tmp_path: Pat
     assert devices[1].lasting_name == str(tmp_path / "by-id/usb-1a86_USB_Serial")
 
 
-def roll(robot: Robot, seconds: float) -> None:
-    until_s = time.monotonic() + seconds
-    while time.monotonic() < until_s:
-        robot.poll()
-        if robot.latest is not None and robot.latest.state == State.FAULT:
-            robot.clear()
-        robot.drive(150, 0)
-        time.sleep(0.02)
-
-
 @pytest.mark.parametrize("named", ["auto", "by its path"])
 def test_a_robot_that_comes_back_under_another_name_is_found_again(plug: Plug, make, named: str):
     other = make()  # of the same kind, but another number
@@ -258,11 +245,11 @@ def test_a_robot_that_comes_back_under_another_name_is_found_again(plug: Plug, m
     with Robot(port.open(), SystemClock(), port.open) as robot:
         robot.connect()
         asked_before = other.heard
-        roll(robot, 0.2)
+        drive(robot, 0.2)
         plug.put_in(False)
         del devices[0]
         with pytest.raises(DeviceError):
-            roll(robot, 2.0)
+            drive(robot, 2.0)
         plug.path = second
 
         def come_back() -> None:
@@ -272,7 +259,7 @@ def test_a_robot_that_comes_back_under_another_name_is_found_again(plug: Plug, m
         threading.Timer(0.4, come_back).start()
         back = robot.reconnect()
         assert not back.restarted
-        roll(robot, 0.2)
+        drive(robot, 0.2)
         assert robot.latest is not None and robot.latest.state == State.DRIVING
     assert port.name == str(second)
     assert told[-1] == f"robot: now on {second} (Arduino Uno, serial number 7543)"

@@ -20,18 +20,15 @@ from host.sim.session import Simulation
 ROOT = Path(__file__).resolve().parents[2]
 sys.path += [str(ROOT / "tests/camera"), str(ROOT / "tests/link")]
 from mjpeg_server import MjpegServer, serving  # noqa: E402
-from plugged_robot import Plug  # noqa: E402
+from plugged_robot import Plug, plugged_in  # noqa: E402
 
 SECONDS = 3.6
 
 
 @pytest.fixture
 def plug(tmp_path: Path):
-    plug = Plug(tmp_path / "ttyACM0")
-    plug.start()
-    plug.put_in(True)
-    yield plug
-    plug.end()
+    with plugged_in(tmp_path / "ttyACM0") as plug:
+        yield plug
 
 
 def nav_loop(folder: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
