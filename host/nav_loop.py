@@ -338,6 +338,11 @@ def _summary_rows(result: dict[str, Any]) -> list[tuple[str, str]]:
     rows.append(("frame time", spread(ms)))
     rows += [(f"  of it {stage}", spread(times)) for stage, times in result["stage_ms"].items()]
     rows.append(("exposure to command", spread(result["latency_ms"])))
+    late = result["pictures_late_ms"]
+    if late is not None:
+        rows.append(
+            ("pictures late by", f"{late['best']:.0f} ± {late['sigma']:.0f} ms; {late['used']:.0f} ms used")
+        )
     rows.append(("stops, with that at the end", str(result["times_stopped"])))
     if "recording" in result:
         made = result["recording"]

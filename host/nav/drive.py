@@ -18,7 +18,7 @@ from host.nav.config import NavConfig
 from host.nav.odometry import WheelReading
 from host.nav.pace import Pace
 from host.nav.pilot import Pilot, Stages, View
-from host.nav.result import DriveLog, LostAndFound
+from host.nav.result import DriveLog, Lateness, LostAndFound
 from host.nav.slip import WheelWatch
 from host.nav.steer import Command
 from host.nav.trace import Took, damaged
@@ -392,6 +392,7 @@ class _Trip:
         log.distance_cm += self.pilot.path_step_cm(log.last_pose, view.pose)
         log.limited_frames += bool(view.snapshot.limits)
         log.be_at(view.pose, view.dead_reckoning)
+        log.pictures_late = Lateness(self.pilot.delay.late_s, *self.pilot.delay.estimate)
         log.duration_s = self.clock.now_s() - self.begin_s
         log.decide(log.duration_s, command.v_mm_s, command.omega_rad_s, command.reason)
         log.trace.see(view.frame.t_s - self.begin_s, view.depths)

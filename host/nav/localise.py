@@ -152,6 +152,13 @@ class Localiser:
         """(x, z) of a landmark on the map."""
         return self._mean[OWN + 2 * index : OWN + 2 * index + 2].copy()
 
+    def turn_as_learnt(self, way_cm: float, turn_rad: float) -> tuple[float, float]:
+        """What was truly turned where wheels as configured say this, and what the wheels leave open, rad."""
+        by_ratio, by_track = way_cm / self._body.track_cm, turn_rad
+        variances = self._cov[RATIO, RATIO], self._cov[TRACK, TRACK]
+        sigma = math.sqrt(by_ratio**2 * variances[0] + by_track**2 * variances[1])
+        return self._as_learnt(way_cm, turn_rad)[1], sigma
+
     # ---- moving ----
 
     def move(self, odometry: Pose) -> Pose:

@@ -232,6 +232,16 @@ class Odometry:
         """Time of the newest reading; -inf before the first."""
         return self._newest_s
 
+    @property
+    def settled_s(self) -> float:
+        """Up to here no later reading changes the path."""
+        return self._trail.last.t_s
+
+    def rolled_at(self, t_s: float) -> tuple[float, float]:
+        """(heading in rad, way of the axle in cm, back again counting less) at a time, as `pose_at`."""
+        node = self._axle(t_s)
+        return node.heading, (node.left_cm + node.right_cm) / 2
+
     def restart(self) -> None:
         """The robot restarted: its counts begin at zero again, where the wheels were at the last reading.
 

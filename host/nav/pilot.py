@@ -16,6 +16,7 @@ from host.depth.config import DepthConfig
 from host.depth.estimator import Estimator
 from host.depth.report import DepthReport
 from host.nav.config import BodyConfig, NavConfig
+from host.nav.delay import Delay
 from host.nav.localise import Localiser
 from host.nav.map import ObstacleMap
 from host.nav.odometry import Odometry, WheelReading, body_of
@@ -75,6 +76,7 @@ class Pilot:
         nav: NavConfig,
     ) -> None:
         self.odometry = Odometry(body)
+        self.delay = Delay(body)
         self.localiser = Localiser(body, lens)
         self.map = ObstacleMap(body, nav)
         self._lens, self._task, self._body = lens, task, body
@@ -94,7 +96,7 @@ class Pilot:
     def take(self, frame: Frame, now_s: float) -> View:
         """Make a command of one frame; the decision is for ``now_s``, when the robot is further on."""
         stages = Stages()
-        odometry = self.odometry.pose_at(frame.t_s)
+        odometry = self.odometry.pose_at(self.delay.exposed_s(frame.t_s))
         with stages.of("localise"):
             smooth = self.localiser.move(odometry)
         with stages.of("net"):
@@ -102,6 +104,7 @@ class Pilot:
         with stages.of("depth"):
             depths = self._depth.update(snapshot, smooth)
         with stages.of("localise"):
+            self.delay.learn(smooth, depths.motion, self.odometry, self.localiser)
             pose = self.localiser.update(snapshot, depths)
             self._move_map()
             here = self.localiser.ahead_of(self.odometry.pose_at(now_s))

@@ -60,6 +60,19 @@ class LostAndFound:
     why: str
 
 
+@dataclass(frozen=True)
+class Lateness:
+    """By how much pictures are stamped later than they are exposed, beyond `webcam.late_s`, s."""
+
+    used_s: float
+    best_s: float  # believed or not
+    sigma_s: float  # of that
+
+    def as_ms(self) -> dict[str, float]:
+        """As result.json has it."""
+        return {name[:-2]: round(1e3 * value, 2) for name, value in asdict(self).items()}
+
+
 @dataclass
 class DriveLog:
     """Kept in a bounded memory while the robot drives; holds nothing but what it can know itself."""
@@ -84,6 +97,7 @@ class DriveLog:
     frame_ms: Histogram = field(default_factory=Histogram)  # from having a picture to its command
     stage_ms: dict[str, Histogram] = field(default_factory=dict)
     latency_ms: Histogram = field(default_factory=Histogram)  # exposure to command, on the camera's clock
+    pictures_late: Lateness | None = None  # None before the first picture driven on
     began_s: float = 0.0  # on the camera's clock
     trace: Trace = field(default_factory=Trace)
     _stands: bool = True
@@ -154,6 +168,7 @@ class DriveLog:
             "frame_time_ms": self.frame_ms.summary(),
             "stage_ms": {stage: times.summary() for stage, times in self.stage_ms.items()},
             "latency_ms": self.latency_ms.summary(),
+            "pictures_late_ms": None if self.pictures_late is None else self.pictures_late.as_ms(),
             "began_s": round(self.began_s, 4),
             "trace": self.trace.as_dict(),
             "depths_over_time": self.trace.depths_as_dict(),
