@@ -10,6 +10,7 @@ collisions only. Frame times are taken at the end, one drive at a time. Nothing 
 
 from __future__ import annotations
 
+import itertools
 import os
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -76,9 +77,14 @@ def drives_of(part: Part, options: Options) -> list[Drive]:
         numbers = range(options.rooms)
         return [drive(KINDS[n % len(KINDS)], options.first_seed + n // len(KINDS)) for n in numbers]
     if part == "loops":
-        loops = []
-        for seed in range(options.first_seed, options.first_seed + max(1, options.rooms // 20)):
-            loop = free_loop(world_from_uri(f"sim:room?seed={seed}"), LOOP_CM)
+        loops: list[Drive] = []
+        for seed in itertools.count(options.first_seed):
+            if len(loops) == max(1, options.rooms // 20):
+                break
+            try:
+                loop = free_loop(world_from_uri(f"sim:room?seed={seed}"), LOOP_CM)
+            except ValueError:
+                continue  # there is no round way in every room
             task = ("--goal", *(f"{x:.0f},{z:.0f}" for x, z in loop))
             robot = f"sim:?seed={seed}{rough}&wheels={LOOP_WHEELS}"
             loops.append(Drive(f"sim:room?seed={seed}{rough}", robot, task, 5 * options.max_time))

@@ -225,6 +225,7 @@ def with_mover(world: World) -> World:
 
 LOOP_CLEAR_CM = 26.0  # from the middle of a robot of 12 cm to anything
 LOOP_STEP_CM = 30.0  # least distance between two goals
+LOOP_REACH_CM = 350.0  # a goal lies no further to a side or ahead: the robot's map ends at 400
 
 
 def free_loop(world: World, length_cm: float) -> list[tuple[float, float]]:
@@ -240,8 +241,8 @@ def free_loop(world: World, length_cm: float) -> list[tuple[float, float]]:
     """
     rng = np.random.default_rng((0x10097, world.seed))
     room, start = world.room, (0.0, 0.0)
-    low = np.array([room.left_cm, room.back_cm]) + LOOP_CLEAR_CM
-    high = np.array([room.right_cm, room.front_cm]) - LOOP_CLEAR_CM
+    low = np.maximum(np.array([room.left_cm, room.back_cm]) + LOOP_CLEAR_CM, -LOOP_REACH_CM)
+    high = np.minimum(np.array([room.right_cm, room.front_cm]) - LOOP_CLEAR_CM, LOOP_REACH_CM)
     places = rng.uniform(low, high, (400, 2))
     places = places[world.distance_cm(places) > LOOP_CLEAR_CM]
     best: list[tuple[float, float]] = []

@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from host.nav.config import NavConfig
 from host.pose import Pose
 from host.sim.drive_scenes import free_loop
 from host.sim.experiment_scenes import experiment_1, experiment_2, experiment_3, slants
@@ -224,6 +225,7 @@ def test_a_round_way_is_free_long_enough_and_returns_to_the_start(scene: str) ->
             continue
         found += 1
         assert goals == free_loop(world, 2000.0) and goals[-1] == (0.0, 0.0)
+        assert max(abs(v) for goal in goals for v in goal) < NavConfig().map_half_cm
         way = [(0.0, 0.0), *goals]
         assert sum(math.dist(a, b) for a, b in pairwise(way)) >= 2000.0
         for a, b in pairwise(way):
