@@ -5,15 +5,14 @@ from __future__ import annotations
 import subprocess
 from pathlib import Path
 
+from compile_cpp import SANITIZED
 from parts import HERE, compile_parts
 
-FLAGS = ["-O1", "-g", "-fno-omit-frame-pointer", "-fsanitize=address,undefined", "-fno-sanitize-recover=all",
-         "-D_GLIBCXX_ASSERTIONS"]  # fmt: skip
 RUNS = 100
 
 
 def test_no_run_of_odd_regions_oversteps_a_bound_or_gives_an_impossible_answer(tmp_path: Path):
-    program = compile_parts(HERE / "parts_fuzz.cpp", tmp_path / "parts_fuzz", FLAGS)
+    program = compile_parts(HERE / "parts_fuzz.cpp", tmp_path / "parts_fuzz", SANITIZED)
     done = subprocess.run([str(program), str(RUNS)], capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr[-3000:]
     answers = int(done.stdout.split()[0])

@@ -8,11 +8,10 @@ from pathlib import Path
 
 import pytest
 from compile_core import compile_core
+from compile_cpp import SANITIZED
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-FLAGS = ["-O1", "-g", "-fno-omit-frame-pointer", "-fsanitize=address,undefined", "-fno-sanitize-recover=all",
-         "-D_GLIBCXX_ASSERTIONS"]  # fmt: skip
 OPERATIONS = 100_000
 A_PROGRAM = 100  # operations
 TRACK, NEXT_FRAME, REFINE = 12, 13, 14  # as fuzz_core.cpp numbers them
@@ -54,7 +53,7 @@ class FuzzCore:
 
 @pytest.fixture(scope="module")
 def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return compile_core(Path(__file__).with_name("fuzz_core.cpp"), FLAGS, tmp_path_factory.mktemp("fuzz"))
+    return compile_core(Path(__file__).with_name("fuzz_core.cpp"), SANITIZED, tmp_path_factory.mktemp("fuzz"))
 
 
 @pytest.fixture
