@@ -35,6 +35,7 @@ OFF_PX = 2.0  # points that are on the mean so far from any edge are not where t
 STILL_SHARE = 0.4  # and where they were they are nearer to one by this factor
 FAR_PX = 8.0
 SURE = 0.15  # relative standard error of a depth to go by
+SLIP_LOOKS = 3  # in a row must find so: in one alone corners are taken for others
 STRANGE_PICTURES = 2  # one after the other, or a single one
 AT_ONCE_PX = 20.0  # by this much
 ASTRAY_PX = 25.0  # or that many since a while ago
@@ -144,13 +145,14 @@ class WheelWatch:
         self._small: np.ndarray | None = None
         self._moved = np.zeros(SMALL[0], bool)  # its columns in which something moved
         self._strange_ones = 0  # pictures in a row
+        self._slip_looks = 0  # in a row
         self._regions: dict[int, Region] = {}
         self._expected_px: deque[float] = deque(maxlen=RECENT)
 
     def forget(self) -> None:
         """Begin anew with the next picture."""
         self._from = self._last = self._small = None
-        self._strange_ones = 0
+        self._strange_ones = self._slip_looks = 0
         self._regions = {}
 
     def doubt(self, view: View) -> str | None:
@@ -163,7 +165,7 @@ class WheelWatch:
         before, self._regions = self._regions, regions
         changed = self._changed(view)
         if begin is None or last is None or now.pose.t_s - begin.pose.t_s > WINDOW_S:
-            self._from = now
+            self._from, self._slip_looks = now, 0
             return None
         found = self._other(changed, last.pose, now.pose)
         calm = not self._moved.any()  # else it may be what moves that is another region now
@@ -258,10 +260,8 @@ class WheelWatch:
             share, sigma = ways.share(heading_px)
             if sigma > SHARE_SIGMA:
                 return None
-            self._from = now
-            if share + 3 * sigma > SLIPS_BELOW:
-                return None
-            return f"wheels slip: of the way they count the picture shows {100 * max(0.0, share):.0f} %"
+            shown = f"of the way they count the picture shows {100 * max(0.0, share):.0f} %"
+            return self._surely(share + 3 * sigma <= SLIPS_BELOW, shown, now)
         inside, rays = ways.inside, ways.rays
         if inside.sum() < LEAST_POINTS:
             self._from = now
@@ -270,12 +270,18 @@ class WheelWatch:
         expected_px = _middle(np.hypot(*((rays - begin.rays)[inside] * scale).T))
         if expected_px < max(LEAST_PX, SIGMAS * heading_px):
             return None
-        self._from = now
         by_wheels = distances_px(self._lens.to_pixels(rays[inside]), contour, self._lens)
         standing = distances_px(self._lens.to_pixels(begin.rays[inside]), contour, self._lens)
-        if by_wheels.mean() < OFF_PX or standing.mean() > STILL_SHARE * by_wheels.mean():
+        stand = by_wheels.mean() >= OFF_PX and standing.mean() <= STILL_SHARE * by_wheels.mean()
+        return self._surely(stand, f"edges have not moved where {expected_px:.0f} px were due", now)
+
+    def _surely(self, slips: bool, shown: str, now: _Points) -> str | None:
+        """That the wheels slip, where enough looks back at the same picture found it; else a new one begins."""
+        self._slip_looks = self._slip_looks + 1 if slips else 0
+        if 0 < self._slip_looks < SLIP_LOOKS:
             return None
-        return f"wheels slip: edges have not moved where {expected_px:.0f} px were due"
+        self._from = now
+        return f"wheels slip: {shown}" if slips else None
 
     def _heading_px(self, a: _Points, b: _Points) -> float:
         return self._lens.fx * math.hypot(a.pose.sigma_rot_rad, b.pose.sigma_rot_rad)
