@@ -186,7 +186,7 @@ class ObstacleMap:
             told = report.regions.get(region.id)
             restless = self._restless.get(region.id, 0) + 1 if told is not None and told.moving else 0
             self._restless[region.id] = restless
-            moving = velocity is not None or restless >= RESTLESS
+            moving = velocity is not None or (restless >= RESTLESS and not self._tracks.stands(region.id))
             front = self._front_cm.get(region.id)
             found = stand_of(region.id, report, feet, picture, front, mixed, moving)
             if found is None or (found.how == AT_BORDER and self._remembers(found, feet)):

@@ -97,6 +97,10 @@ class Tracks:
         self._known.glimpse(region, place)
         return self._known.velocity(region, t_s)
 
+    def stands(self, region: int) -> bool:
+        """Whether its own foot says that it has not moved for a while."""
+        return region in self._seen and _stands(self._seen[region])
+
     def forget(self, t_s: float, turns: bool = False) -> None:
         """What was not seen for a while; where the robot turns nothing that moves is found anew."""
         if self._turns and not turns:
