@@ -276,7 +276,7 @@ class WheelWatch:
         return self._surely(stand, f"edges have not moved where {expected_px:.0f} px were due", now)
 
     def _surely(self, slips: bool, shown: str, now: _Points) -> str | None:
-        """That the wheels slip, where enough looks back at the same picture found it; else a new one begins."""
+        """That the wheels slip, where enough looks back at one picture found it; else a new one begins."""
         self._slip_looks = self._slip_looks + 1 if slips else 0
         if 0 < self._slip_looks < SLIP_LOOKS:
             return None
