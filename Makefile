@@ -11,8 +11,9 @@ NATIVE := CMakeLists.txt pyproject.toml $(wildcard firmware/src/*.[ch] host/*/*_
 drive: build/ready
 	$(RUN) host/nav_loop.py --view
 
+# Two processes; tests/conftest.py says which tests keep together, and in which order.
 test: build/ready-for-tests
-	$(RUN) -m pytest
+	$(RUN) -m pytest -n 2 --dist loadgroup --no-loadscope-reorder
 
 setup: build/ready
 

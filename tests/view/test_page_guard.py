@@ -68,7 +68,11 @@ def test_another_web_page_may_not_act_even_on_loopback(origin):
     assert "another web page" in said
 
 
-@pytest.mark.parametrize("token", [None, "", "wrong", f"{TOKEN}x", f"{TOKEN}"[:-1], "é"])
+@pytest.mark.parametrize(
+    "token",
+    [None, "", "wrong", f"{TOKEN}x", f"{TOKEN}"[:-1], "é"],
+    ids=["none", "empty", "wrong", "longer", "shorter", "not ASCII"],
+)
 @pytest.mark.parametrize("acts", [False, True])
 def test_without_the_token_nobody_may_even_look_on(token, acts):
     said = ALL.objection("192.168.1.5:8080", "http://192.168.1.5:8080", token, acts)
