@@ -58,7 +58,7 @@ def begin_command() -> None:
         if number != signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN:  # nohup asks to go on
             signal.signal(number, _leave_early)
     sys.excepthook = _leave_unimported
-    packages = ("numpy", "cv2", "rich", "serial", "tyro", "aiohttp", "mcap", "mcap_ros2")
+    packages = ("numpy", "cv2", "rich", "serial", "tyro", "aiohttp", "mcap")
     modules = ("host.rbdn._core", "host.depth._depth", "host.nav._nav", "host.sim._render", "host.sim._board")
     # Looking for a module of ours imports the package around it, which needs the others.
     missing = [name for name in packages if find_spec(name) is None]
