@@ -83,6 +83,8 @@ class FocusWatch:
         count = int(np.count_nonzero(clear))
         if count < LEAST_TILES:
             return False
+        if int(np.count_nonzero(clear & (edges[1:-1, 1:-1] < GONE_SHARE * inner))) < ALL_SHARE * count:
+            return False  # so it is mostly, and the rest need not be worked out
         around = cv2.dilate(edges, np.ones((3, 3), np.uint8))[1:-1, 1:-1]
         mixed = cv2.blur(self._means, (3, 3))
         off = np.minimum(np.abs(means - self._means), np.abs(means - mixed))
@@ -94,6 +96,4 @@ def tiles_of(image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(share of pixels at sharp edges, mean brightness), each by tile, float32."""
     image = np.ascontiguousarray(image)
     across, down = TILES
-    rows = -(-(image.shape[0] - STEP_PX) // EVERY_ROW)
-    edges = _nav.sharp_tiles(image, EVERY_ROW, STEP_PX, WIDE_PX, STEP_LEVELS, across, down)
-    return edges, _nav.tile_means(image, EVERY_ROW, rows, across, down)
+    return _nav.sharp_tiles(image, EVERY_ROW, STEP_PX, WIDE_PX, STEP_LEVELS, across, down)

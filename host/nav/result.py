@@ -142,7 +142,9 @@ class DriveLog:
     def spent(self, stage_ms: dict[str, float]) -> None:
         """Note the real time each stage took."""
         for stage, ms in stage_ms.items():
-            self.stage_ms.setdefault(stage, Histogram()).add(ms)
+            if stage not in self.stage_ms:
+                self.stage_ms[stage] = Histogram()
+            self.stage_ms[stage].add(ms)
 
     def end(self, outcome: str, reason: str) -> None:
         self.outcome, self.reason = outcome, reason

@@ -6,7 +6,6 @@ the colour still changes at the wall's foot, if only a little; strips beside eac
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 
 from host.nav import _nav
@@ -23,9 +22,7 @@ SEARCH = 3  # strips on either side that are asked
 
 def strips_of(image: np.ndarray) -> np.ndarray:
     """(W / 2 / STRIP, H / 2, 3) colours of a BGR image's strips as RGB, lowest pixel first."""
-    height, width = image.shape[0] // STEP_PX, image.shape[1] // STEP_PX // STRIP
-    small = cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA)
-    return small[::-1, :, ::-1].transpose(1, 0, 2).astype(np.float32)
+    return _nav.strips(np.ascontiguousarray(image), STEP_PX, STRIP * STEP_PX)
 
 
 def find_foot(strips: np.ndarray, mine: np.ndarray, highest: np.ndarray) -> np.ndarray:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from host.nav import _nav
 from host.nav.mover import SIGMA_RAY, TURNED_CM, Mover, Sight
 from host.nav.stand import CUT_PART, Feet, quantile
 
@@ -231,12 +232,10 @@ def _stands(seen: deque[_Sight]) -> bool:
     """Whether it has not moved for a while, as far as its foot can tell."""
     if seen[-1].t_s - seen[0].t_s < 0.9 * ALONG_S:
         return False
-    ray = np.array(seen[-1].ray)
-    across = np.array([ray[1], -ray[0]])
     for side in ("left", "right"):
-        points = np.array([end for one in seen if (end := getattr(one, side)) is not None])
-        if len(points) > 0.8 * len(seen):
-            aside, along = np.ptp(points @ across), np.ptp(points @ ray)
+        ends = [(one.t_s, *end) for one in seen if (end := getattr(one, side)) is not None]
+        if len(ends) > 0.8 * len(seen):
+            aside, along = _nav.extent(ends, seen[-1].ray)
             if aside < STILL_CM and along < ALONG_SIGMAS * seen[-1].sigma_cm:
                 return True
     return False
@@ -315,23 +314,10 @@ def _line(way: list[tuple[float, float, float]], last: _Sight, across: bool) -> 
     lasts_s = way[-1][0] - way[0][0]
     if lasts_s < (LEAST_S if across else ALONG_S / 2):
         return None
-    count = len(way)
-    middle_s, middle_x, middle_z = (sum(values) / count for values in zip(*way, strict=True))
-    ray_x, ray_z = last.ray
-    # since the middle of the times, and from the middle of the places: along the ray, and aside to the right
-    steps = [
-        (t_s - middle_s, (x - middle_x) * ray_x + (z - middle_z) * ray_z,
-         (x - middle_x) * ray_z - (z - middle_z) * ray_x)
-        for t_s, x, z in way
-    ]  # fmt: skip
-    lever2 = sum(t * t for t, _, _ in steps)
-    along = sum(t * a for t, a, _ in steps) / lever2
-    aside = sum(t * b for t, _, b in steps) / lever2
-    stray_along = math.sqrt(sum((a - t * along) ** 2 for t, a, _ in steps) / count)
-    stray_aside = math.sqrt(sum((b - t * aside) ** 2 for t, _, b in steps) / count)
+    along, aside, stray_along, stray_aside, lever2 = _nav.even_motion(way, last.ray)
     if stray_aside > STRAY_CM or stray_along > STRAY_SHARE * last.depth_cm:
         return None
-    sure = SURE_SIGMAS / math.sqrt(lever2)
+    sure, (ray_x, ray_z) = SURE_SIGMAS / math.sqrt(lever2), last.ray
     if across:
         goes = abs(aside) > max(ASIDE_CM_S, ASIDE_SHARE * last.depth_cm, sure * stray_aside)
     else:

@@ -75,15 +75,14 @@ class FrameWatch:
         return f"picture was seen before, {since_cm:.1f} cm of travel ago: camera repeats itself"
 
     def _torn(self, sample: np.ndarray, travelled_cm: float) -> str | None:
-        green = np.ascontiguousarray(sample[:, :, 1])
-        spread = green.max(axis=1) - green.min(axis=1)  # along each row
+        before = self._last
+        spread, alike = _nav.compare_rows(sample, sample if before is None else before)
         rows = len(spread)
         empty = rows - 1 - int(np.argmax(spread[::-1] > EMPTY_LEVELS))
         if rows - 1 - empty > TORN_ROWS * rows:
             return f"picture is torn: nothing below row {EVERY_PX * (empty + 1)}"
-        if self._last is None or travelled_cm - self._last_cm < TORN_CM:
+        if before is None or travelled_cm - self._last_cm < TORN_CM:
             return None
-        alike = (sample.reshape(rows, -1) == self._last.reshape(rows, -1)).all(axis=1)
         share = int((alike & (spread > ROW_LEVELS)).sum()) / rows
         if share >= TORN_ROWS and not alike.all():
             return f"picture is torn: {100 * share:.0f} % of its rows are those of the last one"

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from host.nav import _nav
+from host.nav.seam import strips_of
 
 SEEDS = range(12)
 CELL, HALF = 5.0, 100.0
@@ -207,7 +208,25 @@ def test_brightness_and_sharp_edges_are_counted_tile_by_tile(height: int, width:
     down, far = abs(levels - below)[1:-1, x], abs(levels[:-2] - below[2:])[:, x]
     sharp = (step >= np.maximum(wide // 2, 20))[1:-1] | (down >= np.maximum(far // 2, 20))
     assert 0.01 < sharp.mean() < 0.99
-    assert np.allclose(_nav.sharp_tiles(image, 4, 2, 4, 20, 7, 5), tiled_means(sharp, 7, 5), rtol=1e-6)
+    edges, means = _nav.sharp_tiles(image, 4, 2, 4, 20, 7, 5)
+    assert np.allclose(edges, tiled_means(sharp, 7, 5), rtol=1e-6)
+    assert np.allclose(means, tiled_means(levels, 7, 5), rtol=1e-6)
+
+
+def test_strips_of_a_picture_are_its_colours_from_below_averaged():
+    image = np.random.default_rng(1).integers(0, 256, (48, 64, 3), np.uint8)
+    blocks = image.reshape(24, 2, 8, 8, 3).astype(float).mean(axis=(1, 3))
+    assert (strips_of(image) == np.rint(blocks)[::-1, :, ::-1].transpose(1, 0, 2)).all()
+
+
+def test_rows_of_a_picture_are_compared_with_those_of_another():
+    image = np.random.default_rng(2).integers(0, 256, (9, 13, 3), np.uint8)
+    image[4] = 7
+    other = image.copy()
+    other[2, 12, 2] ^= 1
+    spread, alike = _nav.compare_rows(image, other)
+    assert (spread == np.ptp(image[:, :, 1], axis=1)).all()
+    assert alike.tolist() == [row != 2 for row in range(9)]
 
 
 @pytest.mark.parametrize("rows", [0, 61])

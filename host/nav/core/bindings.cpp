@@ -16,6 +16,7 @@
 #include "search.hpp"
 #include "seam.hpp"
 #include "tiles.hpp"
+#include "track.hpp"
 
 namespace nb = nanobind;
 using namespace nb::literals;
@@ -160,6 +161,12 @@ nb::object thinned(const Colours& image, std::size_t step) {
                                   {(image.shape(0) + step - 1) / step, (image.shape(1) + step - 1) / step, 3});
 }
 
+nb::object strips(const Colours& image, std::size_t high, std::size_t wide) {
+    require(high > 0 && wide > 0, "blocks of a pixel at least");
+    return to_array<float>(nav::strips(pixels_of(image), high, wide),
+                           {image.shape(1) / wide, image.shape(0) / high, 3});
+}
+
 nb::object tile_means(const Colours& image, std::size_t every, std::size_t rows, std::size_t across,
                       std::size_t down) {
     require(every > 0 && rows > 0 && every * (rows - 1) < image.shape(0), "rows of the picture");
@@ -167,13 +174,44 @@ nb::object tile_means(const Colours& image, std::size_t every, std::size_t rows,
     return to_array<float>(nav::tile_means(pixels_of(image), every, rows, {across, down}), {down, across});
 }
 
-nb::object sharp_tiles(const Colours& image, std::size_t every, std::size_t step_px, std::size_t wide_px,
+nb::tuple sharp_tiles(const Colours& image, std::size_t every, std::size_t step_px, std::size_t wide_px,
                        std::uint8_t levels, std::size_t across, std::size_t down) {
     const std::size_t height = image.shape(0), width = image.shape(1);
     require(every > 0 && step_px > 0 && height > step_px + every * (down + 1), "a picture high enough");
     require(across > 0 && down > 0 && width >= 2 * wide_px + step_px + across, "a picture wide enough");
-    return to_array<float>(nav::sharp_tiles(pixels_of(image), every, {step_px, wide_px, levels}, {across, down}),
-                           {down, across});
+    const nav::Tiles tiles = nav::sharp_tiles(pixels_of(image), every, {step_px, wide_px, levels}, {across, down});
+    return nb::make_tuple(to_array<float>(tiles.sharp, {down, across}), to_array<float>(tiles.brightness, {down, across}));
+}
+
+nb::tuple compare_rows(const Colours& image, const Colours& other) {
+    require(image.shape(0) == other.shape(0) && image.shape(1) == other.shape(1), "pictures of one size");
+    const nav::Rows rows = nav::compare_rows(pixels_of(image), pixels_of(other));
+    return nb::make_tuple(to_array<std::uint8_t>(rows.spread, {image.shape(0)}),
+                          to_array<bool>(rows.alike, {image.shape(0)}));
+}
+
+// Times and places, x and z, one after the other.
+std::vector<nav::Sight> places_of(const nb::list& rows) {
+    std::vector<nav::Sight> places;
+    places.reserve(rows.size());
+    for (const nb::handle row : rows) {
+        const auto at = nb::cast<nb::tuple>(row);
+        require(at.size() == 3, "time, x and z of every place");
+        places.push_back({nb::cast<double>(at[0]), nb::cast<double>(at[1]), nb::cast<double>(at[2])});
+    }
+    require(!places.empty(), "a place");
+    return places;
+}
+
+nb::tuple even_motion(const nb::list& places, const std::array<double, 2>& ray) {
+    const nav::EvenMotion found = nav::even_motion(places_of(places), {ray[0], ray[1]});
+    return nb::make_tuple(found.along_cm_s, found.aside_cm_s, found.stray_along_cm, found.stray_aside_cm,
+                          found.lever2_s2);
+}
+
+nb::tuple extent(const nb::list& places, const std::array<double, 2>& ray) {
+    const nav::Extent found = nav::extent(places_of(places), {ray[0], ray[1]});
+    return nb::make_tuple(found.aside_cm, found.along_cm);
 }
 
 }  // namespace
@@ -199,8 +237,12 @@ NB_MODULE(_nav, m) {
           "wide_cm"_a, "filled"_a, "free"_a, "half_cell_cm"_a, "reach_cm"_a);
     m.def("least_along", &least_along, "distances"_a, "half_cm"_a, "cell_cm"_a, "start"_a, "end"_a, "from_cm"_a);
     m.def("thinned", &thinned, "image"_a.noconvert(), "step"_a);
+    m.def("strips", &strips, "image"_a.noconvert(), "high"_a, "wide"_a);
     m.def("tile_means", &tile_means, "image"_a.noconvert(), "every"_a, "rows"_a, "across"_a, "down"_a);
     m.def("sharp_tiles", &sharp_tiles, "image"_a.noconvert(), "every"_a, "step_px"_a, "wide_px"_a, "levels"_a,
           "across"_a, "down"_a);
+    m.def("compare_rows", &compare_rows, "image"_a.noconvert(), "other"_a.noconvert());
+    m.def("even_motion", &even_motion, "places"_a, "ray"_a);
+    m.def("extent", &extent, "places"_a, "ray"_a);
     m.def("search", &search, "shut"_a, "cost"_a, "ahead"_a, "there"_a, "row"_a, "col"_a);
 }

@@ -5,6 +5,32 @@
 
 namespace nav {
 
+namespace {
+
+constexpr float kWhole = 12582912.0f;  // 1.5 * 2^23: what is added to it is rounded to a whole number, halves to even
+
+}  // namespace
+
+std::vector<float> strips(const Pixels& picture, std::size_t high, std::size_t wide) {
+    const std::size_t across = picture.width / wide, down = picture.height / high;
+    const float share = 1.0f / static_cast<float>(high * wide);
+    std::vector<float> out(across * down * 3);
+    std::vector<int> sums(3 * across);
+    for (std::size_t d = 0; d < down; ++d) {
+        std::fill(sums.begin(), sums.end(), 0);
+        for (std::size_t y = picture.height - high * (d + 1); y < picture.height - high * d; ++y) {
+            const std::uint8_t* at = picture.row(y);
+            for (std::size_t a = 0; a < across; ++a)
+                for (std::size_t x = 0; x < wide; ++x, at += 3)
+                    for (std::size_t c = 0; c < 3; ++c) sums[3 * a + c] += at[c];
+        }
+        for (std::size_t a = 0; a < across; ++a)
+            for (std::size_t c = 0; c < 3; ++c)
+                out[3 * (a * down + d) + c] = share * static_cast<float>(sums[3 * a + 2 - c]) + kWhole - kWhole;
+    }
+    return out;
+}
+
 std::vector<float> colour_steps(const float* colours, std::size_t strips, std::size_t rows, std::size_t window,
                                 double light) {
     const float darker = static_cast<float>(1.0 - light);

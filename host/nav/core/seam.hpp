@@ -5,7 +5,13 @@
 #include <cstdint>
 #include <vector>
 
+#include "tiles.hpp"
+
 namespace nav {
+
+// Mean colours of blocks of a picture, to whole levels, as red, green, blue: (width / wide, height / high, 3), the
+// lowest block first.
+std::vector<float> strips(const Pixels& picture, std::size_t high, std::size_t wide);
 
 // Change of mean colour from the `window` pixels below each pixel to as many from it on, hue in full and
 // brightness by a share `light` only: (strips, rows - 2 * window + 1), the first one at pixel `window`.

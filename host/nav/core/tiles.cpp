@@ -77,12 +77,13 @@ std::vector<float> tile_means(const Pixels& picture, std::size_t every, std::siz
     return sums.means();
 }
 
-std::vector<float> sharp_tiles(const Pixels& picture, std::size_t every, const Sharp& sharp, const Tiling& tiles) {
+Tiles sharp_tiles(const Pixels& picture, std::size_t every, const Sharp& sharp, const Tiling& tiles) {
     const std::size_t width = picture.width, step = sharp.step_px, wide = sharp.wide_px;
     const std::size_t rows = (picture.height - step + every - 1) / every, count = width - 2 * wide - step;
     const std::vector<std::uint8_t> above = green(picture, 0, every, rows), below = green(picture, step, every, rows);
     std::vector<std::uint8_t> at_edge(count);
-    Sums sums(rows - 2, count, tiles);
+    Sums sharp_sums(rows - 2, count, tiles), light_sums(rows, width, tiles);
+    for (std::size_t r = 0; r < rows; ++r) light_sums.add(r, &above[r * width], 1);
     for (std::size_t r = 1; r + 1 < rows; ++r) {
         const std::uint8_t *line = &above[r * width], *under = &below[r * width];
         const std::uint8_t *before = &above[(r - 1) * width], *after = &below[(r + 1) * width];
@@ -93,9 +94,24 @@ std::vector<float> sharp_tiles(const Pixels& picture, std::size_t every, const S
             const std::uint8_t down = is_sharp(apart(line[x], under[x]), apart(before[x], after[x]), sharp.levels);
             at_edge[k] = across | down;
         }
-        sums.add(r - 1, at_edge.data(), 1);
+        sharp_sums.add(r - 1, at_edge.data(), 1);
     }
-    return sums.means();
+    return {sharp_sums.means(), light_sums.means()};
+}
+
+Rows compare_rows(const Pixels& picture, const Pixels& other) {
+    Rows out;
+    for (std::size_t y = 0; y < picture.height; ++y) {
+        const std::uint8_t* row = picture.row(y);
+        std::uint8_t darkest = 255, brightest = 0;
+        for (std::size_t x = 0; x < picture.width; ++x) {
+            darkest = std::min(darkest, row[3 * x + 1]);
+            brightest = std::max(brightest, row[3 * x + 1]);
+        }
+        out.spread.push_back(static_cast<std::uint8_t>(brightest - darkest));
+        out.alike.push_back(std::equal(row, row + 3 * picture.width, other.row(y)));
+    }
+    return out;
 }
 
 }  // namespace nav

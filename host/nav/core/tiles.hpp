@@ -32,7 +32,17 @@ struct Sharp {
     std::uint8_t levels;  // a smaller step is noise
 };
 
-// Share (down, across) of the pixels at sharp edges, of every `every`-th row.
-std::vector<float> sharp_tiles(const Pixels& picture, std::size_t every, const Sharp& sharp, const Tiling& tiles);
+// Of every `every`-th row: share (down, across) of the pixels at sharp edges, and mean brightness.
+struct Tiles {
+    std::vector<float> sharp, brightness;
+};
+Tiles sharp_tiles(const Pixels& picture, std::size_t every, const Sharp& sharp, const Tiling& tiles);
+
+// What each row of a thinned picture has in it.
+struct Rows {
+    std::vector<std::uint8_t> spread;  // from its darkest to its brightest pixel
+    std::vector<std::uint8_t> alike;   // it is the same in another picture, to the last bit
+};
+Rows compare_rows(const Pixels& picture, const Pixels& other);
 
 }  // namespace nav
