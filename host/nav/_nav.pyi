@@ -35,10 +35,14 @@ class View:
     ) -> None: ...
 
 class Floor:
-    def __init__(self, free_cm: np.ndarray, cut: np.ndarray, nearest_cm: float) -> None: ...
+    def __init__(
+        self, free_cm: np.ndarray, floor_cm: np.ndarray, cut: np.ndarray, nearest_cm: float
+    ) -> None: ...
 
 class Rules:
-    def __init__(self, seen_empty: float, presumed: float, limit: float, cell_cm: float) -> None: ...
+    def __init__(
+        self, seen_empty: float, looked_over: float, presumed: float, limit: float, cell_cm: float
+    ) -> None: ...
 
 def paint(
     evidence: np.ndarray,
@@ -68,11 +72,10 @@ def meet(
     heading: float,
     radius_cm: float,
     wide_cm: float,
-    filled: float,
-    free: float,
+    kinds: tuple[float, float, float],
     half_cell_cm: float,
     reach_cm: float,
-) -> tuple[float, float, int, int]: ...
+) -> tuple[float, float, float, int, int]: ...
 def least_along(
     distances: np.ndarray,
     half_cm: float,

@@ -33,6 +33,8 @@ DEEPEST_CM = 40.0  # things are taken to be as deep as they are wide, up to this
 OCCUPIED, FREE = 0.8, -0.4  # log-odds beyond which a cell counts as one or the other
 LIMIT = 4.0
 SEEN_EMPTY = -0.4  # log-odds a frame of bare floor is worth
+LOOKED_OVER = -0.2  # and what is known at least of a cell that something farther was seen over
+LOOKED = -0.1  # log-odds below which a cell was looked at, if only over it
 FRONT_GAIN = 0.1  # share of one frame in what is remembered of a thing's front
 SURPRISE = 0.7  # log-odds a frame is worth that shows a thing below which the map knows nothing but floor
 DOUBT = -0.5  # and what is left of that floor
@@ -153,12 +155,43 @@ class ObstacleMap:
     def stand_on(self, x_cm: float, z_cm: float) -> None:
         """The robot stands here, so here is free."""
         r = self.body.radius_cm
-        r0, c0 = self.cell_of(x_cm - r, z_cm - r)
-        r1, c1 = self.cell_of(x_cm + r, z_cm + r)
+        most = r + self.config.cell_cm
+        r0, c0 = self.cell_of(x_cm - most, z_cm - most)
+        r1, c1 = self.cell_of(x_cm + most, z_cm + most)
         here = slice(r0, r1 + 1), slice(c0, c1 + 1)
         dx, dz = self.centres_cm[here[1]] - x_cm, self.centres_cm[here[0]] - z_cm
-        near = dx[None, :] ** 2 + dz[:, None] ** 2 < r * r
-        self.evidence[here][near] = np.minimum(self.evidence[here][near], 2 * FREE)
+        square = dx[None, :] ** 2 + dz[:, None] ** 2
+        evidence = self.evidence[here]
+        evidence[square < r * r] = np.minimum(evidence[square < r * r], 2 * FREE)
+        touched = (square < (r + self.config.cell_cm / 2) ** 2) & (np.abs(evidence) < -LOOKED_OVER)
+        evidence[touched] = LOOKED_OVER
+
+    def blind_spots(self, x_cm: float, z_cm: float, heading_rad: float, reach_cm: float) -> np.ndarray:
+        """(N, 2) x, z of cells, never looked at, that the disc comes to on its way so far along a heading."""
+        r, half = self.body.radius_cm, self.config.cell_cm / 2
+        most = r + reach_cm + 2 * half
+        r0, c0 = self.cell_of(x_cm - most, z_cm - most)
+        r1, c1 = self.cell_of(x_cm + most, z_cm + most)
+        evidence = self.evidence[r0 : r1 + 1, c0 : c1 + 1]
+        rows, cols = np.nonzero((evidence >= LOOKED) & (evidence <= OCCUPIED))
+        points = np.column_stack([self.centres_cm[cols + c0], self.centres_cm[rows + r0]])
+        dx, dz = points[:, 0] - x_cm, points[:, 1] - z_cm
+        along = dx * math.sin(heading_rad) + dz * math.cos(heading_rad)
+        aside = np.abs(dx * math.cos(heading_rad) - dz * math.sin(heading_rad))
+        gap = along - half - np.sqrt(r * r - np.minimum(aside, r) ** 2)
+        return points[(along > 0) & (aside < r + half) & (gap < reach_cm)]
+
+    def set_down(self, x_cm: float, z_cm: float, room_cm: float) -> None:
+        """Whoever set the robot down here has looked so far around its rim."""
+        dx, dz = self.centres_cm[None, :] - x_cm, self.centres_cm[:, None] - z_cm
+        around = np.hypot(dx, dz) < self.body.radius_cm + room_cm
+        self.evidence[around & (self.evidence == 0.0)] = LOOKED_OVER
+
+    def shut(self, points_cm: np.ndarray) -> None:
+        """Something hides these places (N, 2) from a camera that looks right at them."""
+        for x, z in points_cm.tolist():
+            at = self.cell_of(x, z)
+            self.evidence[at], self.region[at], self.brief[at] = BRIEF, NO_REGION, True
 
     def update(
         self,
@@ -244,11 +277,12 @@ class ObstacleMap:
         self._front_cm[standing.region] = before + FRONT_GAIN * (front - before)
 
     def _remembers(self, standing: Standing, feet: Feet) -> bool:
-        """Whether something is known to be at least as near as the lower border there."""
+        """Whether something was seen to stand at least as near as the lower border there."""
         column = int(standing.columns[len(standing.columns) // 2])
         border = float(feet.depth_cm[column])
         depths = np.arange(0.0, border + self.config.cell_cm, self.config.cell_cm).tolist()
-        return any(self.evidence[self.cell_of(*feet.point(column, d))] > OCCUPIED for d in depths)
+        cells = [self.cell_of(*feet.point(column, d)) for d in depths]
+        return any(self.evidence[cell] > OCCUPIED and not self.brief[cell] for cell in cells)
 
     def _fade(self, pose: Pose) -> None:
         """Less is known of what was seen long ago, and of where it is after much travel and many turns."""
@@ -288,9 +322,9 @@ class ObstacleMap:
             self.centres_cm,
             _nav.View(x0, z0, sine, cosine, left, right, RANGE_CM, lens.fx, lens.cx, rays, pixels, STEP_PX),
             (r0, r1, c0, c1),
-            _nav.Floor(feet.free_cm, feet.cut, feet.nearest_cm),
+            _nav.Floor(feet.free_cm, feet.floor_cm, feet.cut, feet.nearest_cm),
             [self._front(thing, lens, feet, thing.region in movers) for thing in standing],
-            _nav.Rules(SEEN_EMPTY, PRESUMED, LIMIT, self.config.cell_cm),
+            _nav.Rules(SEEN_EMPTY, LOOKED_OVER, PRESUMED, LIMIT, self.config.cell_cm),
         )
 
     def _front(self, thing: Standing, lens: Lens, feet: Feet, moves: bool) -> _nav.Front:

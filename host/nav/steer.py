@@ -3,7 +3,7 @@
 Depth comes from translation, so the robot drives straight pieces with the camera looking where it goes
 and turns only between them. Whatever the plan says, the last word has the room ahead: nothing filled
 nearer than the clearance while moving forward, no more speed than can be braked, a creep over floor that
-nobody has seen yet.
+was only looked over yet, and none where the camera never looked.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 from host.nav import _nav
 from host.nav.config import NavConfig
 from host.nav.crossing import Crossing, best_crossing
-from host.nav.map import FREE, OCCUPIED, Obstacle, ObstacleMap
+from host.nav.map import FREE, LOOKED, OCCUPIED, Obstacle, ObstacleMap
 from host.nav.odometry import body_of
 from host.nav.plan import Room, Way, at_points, find_way, room_around, tightest
 from host.nav.stand import AT_BORDER
@@ -51,6 +51,13 @@ WORTH_CM = 15.0  # a way that does not reach the goal must bring the robot this 
 LEAST_ROOM_CM = 8.0  # a heading with less room than this is no way on
 SEEN_FROM_CM = 60.0  # a goal that is covered is believed to be from here
 ALL_ROUND_RAD = math.radians(150)
+ONTO_BLIND_CM = 3.0  # the rim goes no farther onto floor it never looked at
+GLANCE_FROM_CM = 10.0  # before a straight piece that comes to such floor within this it looks there,
+GLANCE_CM = 35.0  # and at all such floor within this: the camera sees what is farther on the way
+FACED_RAD, FACED_S = math.radians(4), 0.4  # it looks right at a place if so straight; for so long
+IN_VIEW = 0.4  # X/Z up to which what is hidden then is taken to be shut
+NEXT_CM = 2.5  # or this far aside
+SET_DOWN_CM = 20.0  # so much room about its rim has who sets it down
 SIDE_STEP_RAD = math.radians(15)  # headings tried where the way is shut right at the rim
 
 
@@ -105,6 +112,16 @@ class Cross:
 
 
 @dataclass(frozen=True)
+class Glance:
+    """A look, by turning in place, at floor that the robot is about to go over and never looked at."""
+
+    here: tuple[float, float]
+    heading: float  # of the way
+    side: float  # where it looks now: 1.0 right of the way, -1.0 left
+    faced_s: float | None = None  # since when it looks right at what it has not seen there
+
+
+@dataclass(frozen=True)
 class Plan:
     """What steering remembers from one decision to the next."""
 
@@ -118,6 +135,7 @@ class Plan:
     unseen: bool = False  # the piece to the aim leads over floor that nobody has seen
     aim: tuple[float, float] | None = None
     piece_from: tuple[float, float] | None = None  # where the present straight piece began; None: turning
+    glance: Glance | None = None  # under way
     lost_s: float | None = None  # since when there has been no way
     begun: bool = False  # the first steps, which nothing but the view ahead guides, are made
     start: tuple[float, float] | None = None  # where the axle's middle stood at the first decision
@@ -131,6 +149,7 @@ class Ahead:
 
     room_cm: float  # the rim can go this far before it touches something
     unseen_cm: float  # and this far before it leaves floor known to be free
+    blind_cm: float  # or before it comes to where it never looked
     obstacle: Obstacle | None  # what it would touch
     cell_cm: tuple[float, float] | None = None  # where, (x, z)
     edge: bool = False  # it would come to the edge of the map first
@@ -153,7 +172,7 @@ def look_ahead(
 
     row0, col0 = obstacle_map.cell_of(x - reach_cm, z - reach_cm)
     row1, col1 = obstacle_map.cell_of(x + reach_cm, z + reach_cm)
-    room, blind, row, col = _nav.meet(
+    room, unseen, blind, row, col = _nav.meet(
         obstacle_map.evidence,
         obstacle_map.centres_cm,
         (row0, row1, col0, col1),
@@ -162,8 +181,7 @@ def look_ahead(
         heading,
         radius,
         wide + half_cell,
-        OCCUPIED,
-        FREE,
+        (OCCUPIED, FREE, LOOKED),
         half_cell,
         reach_cm,
     )
@@ -171,10 +189,11 @@ def look_ahead(
     if row >= 0:
         obstacle, cell = obstacle_map.obstacle_at(row, col), obstacle_map.point_of(row, col)
     to_edge = _room_on_map(obstacle_map, x, z, heading)
-    blind = max(0.0, min(blind, to_edge))
+    unseen = max(0.0, min(unseen, to_edge))
     if to_edge < room:
-        return Ahead(to_edge, blind, None, None, edge=True)
-    return Ahead(room, blind, obstacle, cell, sigma_cm=0.0 if obstacle is None else obstacle.sigma_cm)
+        return Ahead(to_edge, unseen, blind, None, None, edge=True)
+    sigma = 0.0 if obstacle is None else obstacle.sigma_cm
+    return Ahead(room, unseen, blind, obstacle, cell, sigma_cm=sigma)
 
 
 def _room_on_map(obstacle_map: ObstacleMap, x: float, z: float, heading: float) -> float:
@@ -213,7 +232,9 @@ def decide(
         v_cm_s = held.command.v_mm_s / 10
         return held.command, replace(plan, piece_from=None, lost_s=None, v_cm_s=v_cm_s)
     if not plan.begun:
-        plan = replace(plan, start=plan.start or (x, z))
+        if plan.start is None:
+            obstacle_map.set_down(x, z, SET_DOWN_CM)
+            plan = replace(plan, start=(x, z))
         ahead = look_ahead(obstacle_map, x, z, heading)
         first = math.dist(plan.start or (x, z), (x, z)) < FIRST_CM
         if first and ahead.room_cm > FIRST_ROOM_CM and not held.stands:
@@ -239,6 +260,10 @@ def _go(
 ) -> tuple[Command, Plan]:
     """Turn towards the next aim, or on towards it; where that is shut, at once towards another one."""
     config, (x, z) = obstacle_map.config, here
+    if plan.glance is not None:
+        command, plan = _glance(plan, obstacle_map, t_s, here, heading)
+        if command is not None:
+            return command, plan
     if plan.cross is None:
         plan = _planned(plan, obstacle_map, t_s, here, heading, goal_cm)
         if plan.way is None:
@@ -264,9 +289,16 @@ def _go(
     piece_from = plan.piece_from or (x, z)
     plan = replace(plan, piece_from=piece_from)
     ahead = look_ahead(obstacle_map, x, z, heading)
-    if plan.cross is not None and plan.cross.under_way and _is_below(ahead):
-        ahead = replace(ahead, sigma_cm=0.0)  # floor that was free: it is what moves, and no time to doubt
+    if plan.cross is not None and plan.cross.under_way:
+        ahead = replace(ahead, blind_cm=math.inf)  # it looked across all the while it waited
+        if _is_below(ahead):
+            ahead = replace(ahead, sigma_cm=0.0)  # floor that was free: it is what moves; no time to doubt
     v, reason = speed_ahead(ahead, obstacle_map)
+    if _is_blind(ahead, config) or (turning and ahead.blind_cm < min(ahead.room_cm, GLANCE_FROM_CM)):
+        looking = replace(plan, glance=Glance(here, heading, 0.0))
+        command, looking = _glance(looking, obstacle_map, t_s, here, heading)
+        if command is not None:
+            return command, looking
     if v == 0.0 and ahead.obstacle is not None and ahead.obstacle.moving:  # it will be gone
         return Command(0.0, 0.0, reason), plan
     if v == 0.0:  # the plan must lead elsewhere
@@ -280,6 +312,47 @@ def _go(
     v *= 1 - 0.7 * min(1.0, abs(error) / TURN_FROM_RAD)  # so that the bend stays near the line
     v, reason = up_to(held, config, v, reason)
     return Command(10 * v, omega, reason, way=way), replace(plan, v_cm_s=v)
+
+
+def _glance(
+    plan: Plan, obstacle_map: ObstacleMap, t_s: float, here: tuple[float, float], heading: float
+) -> tuple[Command | None, Plan]:
+    """Turn to where the way leads over floor never looked at; no command: there is none left."""
+    glance = plan.glance
+    assert glance is not None
+    spots = obstacle_map.blind_spots(*here, glance.heading, GLANCE_CM)
+    moved = math.dist(here, glance.here) > ONTO_BLIND_CM
+    if moved or len(spots) == 0:
+        return None, replace(plan, glance=None, piece_from=None)
+    bearings = np.arctan2(spots[:, 0] - here[0], spots[:, 1] - here[1])
+    aside = wrap(bearings - glance.heading)
+    side = glance.side
+    if side == 0.0 or not (aside * side > 0.0).any():
+        turned = wrap(heading - glance.heading)
+        sides = [s for s in (1.0, -1.0) if (aside * s > 0.0).any()] or [1.0]
+        side = max(sides, key=lambda s: s * turned)
+        glance = replace(glance, side=side, faced_s=None)
+    off = wrap(float(bearings[int((aside * side).argmax())]) - heading)
+    if abs(off) > FACED_RAD:
+        plan = replace(plan, glance=replace(glance, faced_s=None), piece_from=None)
+        omega = min(obstacle_map.config.turn_rad_s, max(SLOWEST_TURN_RAD_S, 1.5 * abs(off)))
+        where = "right" if off > 0 else "left"
+        reason = f"turn {where} by {abs(math.degrees(off)):.0f} deg: never looked at the floor there"
+        return Command(0.0, math.copysign(omega, off), reason), plan
+    faced = t_s if glance.faced_s is None else glance.faced_s
+    if t_s - faced > FACED_S:
+        dx, dz = (spots - here).T
+        depth = dx * math.sin(heading) + dz * math.cos(heading) - obstacle_map.body.camera_ahead_cm
+        across = np.abs(dx * math.cos(heading) - dz * math.sin(heading))
+        obstacle_map.shut(spots[(depth > 0.0) & (across < np.maximum(IN_VIEW * depth, NEXT_CM))])
+        return None, replace(plan, glance=None, piece_from=None, made_s=-math.inf, way=None, aim=None)
+    plan = replace(plan, glance=replace(glance, faced_s=faced), piece_from=None)
+    return Command(0.0, 0.0, "stop: something hides the floor beside the way"), plan
+
+
+def _is_blind(ahead: Ahead, config: NavConfig) -> bool:
+    """Whether the robot stands before floor it never looked at, and before nothing else."""
+    return brakeable_cm_s(config, ahead.blind_cm + ONTO_BLIND_CM) < 1.0 and ahead.blind_cm < ahead.room_cm
 
 
 def brakeable_cm_s(config: NavConfig, distance_cm: float) -> float:
@@ -299,12 +372,17 @@ def speed_ahead(ahead: Ahead, obstacle_map: ObstacleMap, keep_cm: float | None =
     sure = brakeable_cm_s(config, ahead.room_cm - SURE_SIGMAS * ahead.sigma_cm - keep)
     doubted = min(fast, max(sure, config.creep_cm_s))
     blind = config.creep_cm_s + brakeable_cm_s(config, ahead.unseen_cm)
-    v = min(config.speed_cm_s, doubted, blind)
+    never = brakeable_cm_s(config, ahead.blind_cm + ONTO_BLIND_CM)
+    v = min(config.speed_cm_s, doubted, blind, never)
     if fast < 1.0:
         return 0.0, f"stop: {ahead}, {ahead.room_cm:.0f} cm from the rim"
+    if never < 1.0:
+        return 0.0, "stop: never looked at the floor at the rim"
     if v == config.speed_cm_s:
         then = f", then {ahead}" if ahead.obstacle else ""
         return v, f"straight: {ahead.room_cm:.0f} cm free ahead{then}"
+    if never < min(blind, doubted):
+        return v, f"slow: never looked at the floor {max(0.0, ahead.blind_cm):.0f} cm ahead"
     if blind < doubted:
         return v, f"creep: floor seen only {ahead.unseen_cm:.0f} cm ahead, looking for depth"
     if doubted < min(fast, config.speed_cm_s):

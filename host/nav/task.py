@@ -211,6 +211,9 @@ class Approach:
         if (back := self._step_back(obstacle_map, camera.t_s, (x, z), heading)) is not None:
             return back
         ahead, met = self._ahead(obstacle_map, profile, (x, z), heading)
+        ahead = replace(
+            ahead, blind_cm=math.inf
+        )  # straight from where it was set down, it looks where it goes
         if met and ahead.room_cm - self.stop_cm < ARRIVED_CM:
             return Command(0.0, 0.0, f"{ahead.room_cm:.1f} cm before {ahead}", "approached")
         first = not met and math.dist(self._start, (x, z)) < FIRST_CM

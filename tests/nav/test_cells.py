@@ -16,7 +16,7 @@ from host.nav.seam import strips_of
 SEEDS = range(12)
 CELL, HALF = 5.0, 100.0
 CENTRES = (np.arange(40) + 0.5) * CELL - HALF
-FREE, OCCUPIED = -0.4, 0.8
+FREE, LOOKED, OCCUPIED = -0.4, -0.1, 0.8
 
 
 def patches(rng: np.random.Generator, shape: tuple[int, int], kinds: int) -> np.ndarray:
@@ -92,12 +92,13 @@ def cheapest(shut: np.ndarray, cost: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("seed", SEEDS)
-def test_a_straight_drive_meets_the_first_filled_and_the_first_unseen_cell(seed: int):
+def test_a_straight_drive_meets_the_first_filled_the_first_unseen_and_the_first_cell_never_looked_at(seed):
     rng = np.random.default_rng(seed)
-    evidence = rng.choice([-2.0, 0.0, 2.0], (40, 40), p=[0.96, 0.02, 0.02]).astype(np.float32)
+    evidence = rng.choice([-2.0, -0.2, 0.0, 2.0], (40, 40), p=[0.95, 0.02, 0.01, 0.02]).astype(np.float32)
     x, z, heading = *rng.uniform(-40, 40, 2), rng.uniform(-3, 3)
-    room, unseen, row, col = _nav.meet(
-        evidence, CENTRES, (0, 39, 0, 39), x, z, heading, 12.0, 17.5, OCCUPIED, FREE, CELL / 2, 150.0
+    kinds = (OCCUPIED, FREE, LOOKED)
+    room, unseen, blind, row, col = _nav.meet(
+        evidence, CENTRES, (0, 39, 0, 39), x, z, heading, 12.0, 17.5, kinds, CELL / 2, 150.0
     )
     dx, dz = CENTRES[None, :] - x, CENTRES[:, None] - z
     along = dx * math.sin(heading) + dz * math.cos(heading)
@@ -111,6 +112,9 @@ def test_a_straight_drive_meets_the_first_filled_and_the_first_unseen_cell(seed:
     unknown = (evidence >= FREE) & (evidence <= OCCUPIED) & (along > 0) & (aside < 12.0)
     nearest = along[unknown].min() - CELL / 2 - 12.0 if unknown.any() else 150.0
     assert unseen == pytest.approx(nearest)
+    dark = unknown & (evidence >= LOOKED)
+    rims = along[dark] - CELL / 2 - np.sqrt(144.0 - aside[dark] ** 2)
+    assert blind == pytest.approx(rims.min() if dark.any() else 150.0)
     if np.isfinite(gaps).any():
         assert room == pytest.approx(gaps.min()) and gaps[row, col] == pytest.approx(room)
     else:
@@ -133,10 +137,11 @@ def test_the_least_distance_along_a_line_is_that_of_its_points_every_half_cell(s
 def test_one_frame_changes_what_it_shows_and_nothing_else(seed: int):
     """Floor empties up to the front, the front's cells fill, what was thought nearer becomes unknown."""
     rng = np.random.default_rng(seed)
-    evidence = rng.uniform(-4, 4, (40, 40)).astype(np.float32)
+    evidence = (rng.uniform(-4, 4, (40, 40)) * rng.choice([0.2, 1.0], (40, 40))).astype(np.float32)
     region, brief = rng.integers(0, 3, (40, 40)).astype(np.int32), rng.random((40, 40)) < 0.3
     before, owner, was_brief = evidence.copy(), region.copy(), brief.copy()
     heading, free = rng.uniform(-3, 3), rng.uniform(40, 80, 32)
+    seen = free + rng.uniform(0, 8, 32)
     cut, columns = rng.random(32) < 0.2, np.arange(8, 24)
     fronts = rng.uniform(50, 70, len(columns))
     sine, cosine = math.sin(heading), math.cos(heading)
@@ -146,18 +151,22 @@ def test_one_frame_changes_what_it_shows_and_nothing_else(seed: int):
     _nav.paint(
         evidence, region, brief, CENTRES,
         _nav.View(3.0, -4.0, sine, cosine, -1.1, 1.1, 90.0, 32.0, 31.5, rays, pixels, 2),
-        (0, 39, 0, 39), _nav.Floor(free, cut, 15.0),
+        (0, 39, 0, 39), _nav.Floor(free, seen, cut, 15.0),
         [_nav.Front(1, columns, fronts, 1.5, -3.0, 20.0, 8.0, -math.inf, 1.0, 4.0, False)],
-        _nav.Rules(-0.4, 1.0, 4.0, CELL),
+        _nav.Rules(-0.4, -0.2, 1.0, 4.0, CELL),
     )  # fmt: skip
+    over = np.where(cut, 0.0, seen)
+
+    def column_of(ray: float) -> int:
+        pixel = np.interp(ray, rays, pixels) if bent else 32 * ray + 31.5
+        return math.floor((pixel + 0.5) / 2)
+
     for r, c in np.ndindex(40, 40):
         dx, dz = CENTRES[c] - 3.0, CENTRES[r] + 4.0
         depth, side = dx * sine + dz * cosine, dx * cosine - dz * sine
         column = -1
         if 1.0 < depth < 90.0 and abs(side) < 1.1 * depth:
-            ray = side / depth
-            pixel = np.interp(ray, rays, pixels) if bent else 32 * ray + 31.5
-            column = math.floor((pixel + 0.5) / 2)
+            column = column_of(side / depth)
         if not 0 <= column < 32:
             assert (evidence[r, c], region[r, c], brief[r, c]) == (before[r, c], owner[r, c], was_brief[r, c])
             continue
@@ -171,6 +180,11 @@ def test_one_frame_changes_what_it_shows_and_nothing_else(seed: int):
             change = max(-0.4, -was)
         if off is not None and -3.0 < off < 20.0 and (off < 8.0 or abs(was) < 1.0):
             change, passing, mine = 1.0, False, 1
+        ends = [min(max(column_of((side + end) / depth), 0), 31) for end in (-CELL / 3, 0, CELL / 3)]
+        if (
+            change == 0.0 and depth < over[ends].min() and -0.2 < was < 1.0
+        ):  # something farther is seen over it
+            change = max(-0.2 - was, -0.4)
         assert evidence[r, c] == pytest.approx(min(max(was + change, -4.0), 4.0), abs=1e-6)
         assert (region[r, c], brief[r, c]) == (mine, passing)
 
@@ -178,7 +192,10 @@ def test_one_frame_changes_what_it_shows_and_nothing_else(seed: int):
 def test_layers_of_another_kind_are_refused_and_not_silently_copied():
     layer = np.zeros((40, 40))
     view = _nav.View(0, 0, 0, 1, -1, 1, 90, 32, 31.5, np.empty(0), np.empty(0), 2)
-    floor, rules = _nav.Floor(np.ones(32), np.zeros(32, bool), 15.0), _nav.Rules(-0.4, 1.0, 4.0, CELL)
+    floor, rules = (
+        _nav.Floor(np.ones(32), np.ones(32), np.zeros(32, bool), 15.0),
+        _nav.Rules(-0.4, -0.2, 1.0, 4.0, CELL),
+    )
     with pytest.raises(TypeError):
         _nav.paint(layer, layer.astype(np.int32), layer > 0, CENTRES, view, (0, 39, 0, 39), floor, [], rules)
 

@@ -11,9 +11,11 @@ from host.nav.odometry import Odometry, WheelReading, body_of
 from host.nav.steer import Command, Plan, decide
 
 
-def drive(world: PlanarWorld, goal_cm: tuple[float, float], max_s: float) -> tuple[Command, list[str]]:
+def drive(
+    world: PlanarWorld, goal_cm: tuple[float, float], max_s: float, plan: Plan | None = None
+) -> tuple[Command, list[str]]:
     """Drive until the outcome or the time; the last command and all reasons."""
-    odometry, obstacle_map, plan = Odometry(world.body), ObstacleMap(world.body, NavConfig()), Plan()
+    odometry, obstacle_map, plan = Odometry(world.body), ObstacleMap(world.body, NavConfig()), plan or Plan()
     odometry.add(WheelReading(0.0, 0, 0, None, None))
     reasons = []
     while True:
@@ -63,3 +65,11 @@ def test_what_crosses_ahead_is_given_way_to_and_then_the_robot_goes_on(begins_cm
     assert any("moving) at" in reason and "giving way" in reason for reason in reasons)
     assert command.outcome == "goal", reasons[-1]
     assert world.least_driving_gap_cm > 0.0
+
+
+def test_what_stands_beside_the_camera_after_a_turn_is_looked_for_and_not_touched():
+    world = PlanarWorld([Box(21, -60, 28, -21.5, 40)], room=(-150, -100, 260, 150), seed=3, fps=6)
+    command, reasons = drive(world, (70.0, -12.0), max_s=30.0, plan=Plan(begun=True))
+    assert world.least_gap_cm > 1.0
+    assert command.outcome == "goal"
+    assert any("never looked at the floor there" in reason for reason in reasons)

@@ -281,6 +281,15 @@ def test_what_appears_with_its_foot_below_the_picture_is_filled_within_two_frame
     assert not border_map.evidence[cell] > OCCUPIED
 
 
+def test_what_stands_below_the_picture_is_filled_also_where_it_comes_into_view_later():
+    border_map = look(PlanarWorld([]), fresh())
+    for heading in (0.0, 0.3):
+        world = PlanarWorld([Box(-60, 20, 60, 40, 60)])
+        world.heading = heading
+        look(world, border_map)
+    assert border_map.evidence[border_map.cell_of(22, 26)] > OCCUPIED
+
+
 def test_what_moves_is_known_to_move_and_nothing_stays_filled_behind_it_while_the_robot_stands():
     mover_map = fresh()
     for k in range(16):

@@ -6,15 +6,16 @@ import math
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from host.nav.config import BodyConfig, NavConfig
-from host.nav.map import FREE, LIMIT, Obstacle, ObstacleMap
+from host.nav.map import FREE, LIMIT, LOOKED_OVER, OCCUPIED, Obstacle, ObstacleMap
 from host.nav.mover import Mover, Sight
 from host.nav.odometry import body_of, heading_of
 from host.nav.plan import find_way, room_around
-from host.nav.steer import Plan, decide, look_ahead, speed_ahead
+from host.nav.steer import ONTO_BLIND_CM, Plan, decide, look_ahead, speed_ahead
 from host.pose import Pose
 
 BODY, CONFIG = BodyConfig(), NavConfig()
@@ -64,10 +65,52 @@ def test_there_are_no_first_steps_towards_something_near():
     assert command.v_mm_s == 0
 
 
-def test_over_floor_nobody_has_seen_it_creeps():
-    command, _ = decide(Plan(begun=True), ObstacleMap(BODY, CONFIG), camera(0, 0, 0), (0, 200))
+def test_over_floor_it_has_only_looked_over_it_creeps():
+    looked_over = ObstacleMap(BODY, CONFIG)
+    looked_over.evidence[:] = LOOKED_OVER
+    command, _ = decide(Plan(begun=True), looked_over, camera(0, 0, 0), (0, 200))
     assert 0 < command.v_mm_s <= 10 * CONFIG.creep_cm_s
     assert command.reason.startswith("creep")
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_where_it_never_looked_beside_its_way_it_turns_to_look_and_then_goes(side: int):
+    floor = open_floor()
+    floor.evidence[floor.cell_of(side * 9, 17)] = 0.0
+    command, plan = decide(Plan(begun=True), floor, camera(0, 0, 0), (0, 200))
+    assert command.v_mm_s == 0
+    assert command.omega_rad_s * side > 0
+    assert "never looked at the floor there" in command.reason
+    floor.evidence[floor.cell_of(side * 9, 17)] = LOOKED_OVER
+    for k in range(10):
+        command, plan = decide(plan, floor, camera(0, 0, 0, 0.1 * k), (0, 200))
+    assert command.v_mm_s > 0
+
+
+def test_what_hides_floor_that_it_looks_right_at_counts_as_filled():
+    floor, heading, plan = open_floor(), 0.0, Plan(begun=True)
+    cell = floor.cell_of(9, 17)
+    for k in range(60):
+        floor.evidence[cell] = 0.0 if floor.evidence[cell] <= OCCUPIED else floor.evidence[cell]
+        command, plan = decide(plan, floor, camera(0, 0, heading, 0.1 * k), (0, 200))
+        heading += 0.1 * command.omega_rad_s
+        assert command.v_mm_s == 0 or floor.evidence[cell] > OCCUPIED
+    assert floor.evidence[cell] > OCCUPIED
+    assert command.v_mm_s > 0  # another way
+
+
+def test_the_rim_never_goes_onto_floor_it_never_looked_at():
+    floor = open_floor()
+    row, col = floor.cell_of(0, 40)
+    floor.evidence[row:] = 0.0
+    border = float(floor.centres_cm[row]) - CONFIG.cell_cm / 2
+    gap, v = 20.0, 1.0
+    while v > 0.0:
+        ahead = look_ahead(floor, float(floor.centres_cm[col]), border - BODY.radius_cm - gap, 0.0)
+        v, reason = speed_ahead(ahead, floor)
+        gap -= 0.1 * v
+    assert -ONTO_BLIND_CM < gap < 0.0
+    assert reason == "stop: never looked at the floor at the rim"
 
 
 def test_a_goal_to_the_right_is_turned_to_in_place_and_to_the_right():

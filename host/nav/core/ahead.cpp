@@ -6,20 +6,23 @@
 
 namespace nav {
 
-Meeting meet(const Window& window, const Disc& disc, float filled, float free, double half_cell_cm, double reach_cm) {
+Meeting meet(const Window& window, const Disc& disc, const Kinds& kinds, double half_cell_cm, double reach_cm) {
     constexpr double none = std::numeric_limits<double>::infinity();
     const double square = disc.radius_cm * disc.radius_cm;
-    Meeting out{none, none, -1, -1};
+    Meeting out{none, none, none, -1, -1};
     for (std::size_t row = window.row0; row <= window.row1; ++row)
         for (std::size_t col = window.col0; col <= window.col1; ++col) {
             const float evidence = window.evidence[row * window.side + col];
-            if (!(evidence >= free)) continue;
+            if (!(evidence >= kinds.free)) continue;
             const double x = window.centres_cm[col] - disc.x_cm, z = window.centres_cm[row] - disc.z_cm;
             const double along = x * disc.sine + z * disc.cosine;
             if (!(along > 0)) continue;
             const double aside = std::abs(x * disc.cosine - z * disc.sine);
-            if (!(evidence > filled)) {
-                if (aside < disc.radius_cm) out.unseen_cm = std::min(out.unseen_cm, along - half_cell_cm - disc.radius_cm);
+            if (!(evidence > kinds.filled)) {
+                if (!(aside < disc.radius_cm)) continue;
+                out.unseen_cm = std::min(out.unseen_cm, along - half_cell_cm - disc.radius_cm);
+                if (evidence >= kinds.looked)
+                    out.blind_cm = std::min(out.blind_cm, along - half_cell_cm - std::sqrt(square - aside * aside));
             } else if (aside < disc.wide_cm) {
                 const double lateral = std::min(std::max(aside - half_cell_cm, 0.0), disc.radius_cm);
                 const double gap = along - half_cell_cm - std::sqrt(square - lateral * lateral);
@@ -28,7 +31,8 @@ Meeting meet(const Window& window, const Disc& disc, float filled, float free, d
             }
         }
     if (out.row < 0) out.room_cm = reach_cm;
-    if (out.unseen_cm == none) out.unseen_cm = reach_cm;
+    out.unseen_cm = std::min(out.unseen_cm, reach_cm);
+    out.blind_cm = std::min(out.blind_cm, reach_cm);
     return out;
 }
 

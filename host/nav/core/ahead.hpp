@@ -21,12 +21,17 @@ struct Disc {
 };
 
 struct Meeting {
-    double room_cm, unseen_cm;  // until it touches a filled cell, and one that is neither filled nor free
-    std::int64_t row, col;      // the filled one; -1 where there is none
+    double room_cm, unseen_cm, blind_cm;  // until it touches a filled cell, one not known to be free, one never looked at
+    std::int64_t row, col;                // the filled one; -1 where there is none
 };
 
-// filled, free: log-odds above and below which a cell counts as one or the other; reach_cm: both where it meets none
-Meeting meet(const Window& window, const Disc& disc, float filled, float free, double half_cell_cm, double reach_cm);
+// Log-odds above which a cell is filled, and below which it is free, or was looked at.
+struct Kinds {
+    float filled, free, looked;
+};
+
+// reach_cm: what is told where it meets none
+Meeting meet(const Window& window, const Disc& disc, const Kinds& kinds, double half_cell_cm, double reach_cm);
 
 // Distances (side, side) of float, by cell.
 struct Distances {

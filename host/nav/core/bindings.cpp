@@ -82,10 +82,12 @@ nav::View view(double x_cm, double z_cm, double sine, double cosine, double left
             {rays.data(), rays.data() + rays.shape(0)}, {pixels.data(), pixels.data() + pixels.shape(0)}, step_px};
 }
 
-nav::Floor floor_seen(const Row<double>& free_cm, const Row<bool>& cut, double nearest_cm) {
+nav::Floor floor_seen(const Row<double>& free_cm, const Row<double>& floor_cm, const Row<bool>& cut,
+                      double nearest_cm) {
     const std::size_t n = free_cm.shape(0);
-    require(cut.shape(0) == n, "of every column whether it is cut");
-    return {std::vector<double>(free_cm.data(), free_cm.data() + n), std::vector<bool>(cut.data(), cut.data() + n),
+    require(floor_cm.shape(0) == n && cut.shape(0) == n, "of every column how far it is seen and whether it is cut");
+    return {std::vector<double>(free_cm.data(), free_cm.data() + n),
+            std::vector<double>(floor_cm.data(), floor_cm.data() + n), std::vector<bool>(cut.data(), cut.data() + n),
             nearest_cm};
 }
 
@@ -134,16 +136,16 @@ nb::object search(const Image<bool>& shut, const Image<float>& cost, const Image
 }
 
 nb::tuple meet(const Image<float>& evidence, const Row<double>& centres_cm, const std::array<std::size_t, 4>& window,
-               double x_cm, double z_cm, double heading, double radius_cm, double wide_cm, float filled, float free,
-               double half_cell_cm, double reach_cm) {
+               double x_cm, double z_cm, double heading, double radius_cm, double wide_cm,
+               const std::array<float, 3>& kinds, double half_cell_cm, double reach_cm) {
     const std::size_t side = centres_cm.shape(0);
     require(evidence.shape(0) == side && evidence.shape(1) == side, "a centre for every row and column");
     require(window[1] < side && window[3] < side, "a window within the map");
     const nav::Meeting met =
         nav::meet({evidence.data(), centres_cm.data(), side, window[0], window[1], window[2], window[3]},
-                  {x_cm, z_cm, std::sin(heading), std::cos(heading), radius_cm, wide_cm}, filled, free, half_cell_cm,
-                  reach_cm);
-    return nb::make_tuple(met.room_cm, met.unseen_cm, met.row, met.col);
+                  {x_cm, z_cm, std::sin(heading), std::cos(heading), radius_cm, wide_cm},
+                  {kinds[0], kinds[1], kinds[2]}, half_cell_cm, reach_cm);
+    return nb::make_tuple(met.room_cm, met.unseen_cm, met.blind_cm, met.row, met.col);
 }
 
 float least_along(const Image<float>& distances, double half_cm, double cell_cm, const std::array<double, 2>& start,
@@ -223,8 +225,8 @@ NB_MODULE(_nav, m) {
     nb::class_<nav::View>(m, "View")
         .def(nb::new_(&view), "x_cm"_a, "z_cm"_a, "sine"_a, "cosine"_a, "left"_a, "right"_a, "range_cm"_a, "fx"_a,
              "cx"_a, "rays"_a, "pixels"_a, "step_px"_a);
-    nb::class_<nav::Floor>(m, "Floor").def(nb::new_(&floor_seen), "free_cm"_a, "cut"_a, "nearest_cm"_a);
-    nb::class_<nav::Rules>(m, "Rules").def(nb::init<float, float, float, double>(), "seen_empty"_a, "presumed"_a,
+    nb::class_<nav::Floor>(m, "Floor").def(nb::new_(&floor_seen), "free_cm"_a, "floor_cm"_a, "cut"_a, "nearest_cm"_a);
+    nb::class_<nav::Rules>(m, "Rules").def(nb::init<float, float, float, float, double>(), "seen_empty"_a, "looked_over"_a, "presumed"_a,
                                            "limit"_a, "cell_cm"_a);
     m.def("paint", &paint, "evidence"_a.noconvert(), "region"_a.noconvert(), "brief"_a.noconvert(), "centres_cm"_a,
           "view"_a, "window"_a, "floor"_a, "fronts"_a, "rules"_a);
@@ -234,7 +236,7 @@ NB_MODULE(_nav, m) {
     m.def("colour_steps", &colour_steps, "colours"_a, "window"_a, "light"_a);
     m.def("agreed", &agreed, "foot"_a, "found"_a, "search"_a, "agree_px"_a);
     m.def("meet", &meet, "evidence"_a, "centres_cm"_a, "window"_a, "x_cm"_a, "z_cm"_a, "heading"_a, "radius_cm"_a,
-          "wide_cm"_a, "filled"_a, "free"_a, "half_cell_cm"_a, "reach_cm"_a);
+          "wide_cm"_a, "kinds"_a, "half_cell_cm"_a, "reach_cm"_a);
     m.def("least_along", &least_along, "distances"_a, "half_cm"_a, "cell_cm"_a, "start"_a, "end"_a, "from_cm"_a);
     m.def("thinned", &thinned, "image"_a.noconvert(), "step"_a);
     m.def("strips", &strips, "image"_a.noconvert(), "high"_a, "wide"_a);

@@ -53,9 +53,9 @@ struct Cell {
     bool& brief;
 };
 
-// free_to_cm: floor is seen in its column up to here
-void judge(Cell cell, double depth_cm, double free_to_cm, const Floor& floor, std::span<const Place> places,
-           const Rules& rules) {
+// free_to_cm: floor is seen in its column up to here; over_cm: and nothing stands up to here, unless it is low
+void judge(Cell cell, double depth_cm, double free_to_cm, double over_cm, const Floor& floor,
+           std::span<const Place> places, const Rules& rules) {
     float before = cell.evidence;
     float change = depth_cm < free_to_cm && depth_cm > floor.nearest_cm ? rules.seen_empty : 0.0f;
     for (const Place& place : places) {  // was thought to be nearer: unknown
@@ -69,9 +69,11 @@ void judge(Cell cell, double depth_cm, double free_to_cm, const Floor& floor, st
         if (!(off_cm > front.from_cm && off_cm < front.to_cm)) continue;
         if (!(off_cm < front.sure_cm || std::abs(before) < rules.presumed)) continue;
         before = std::max(before, front.at_least);
-        change = front.change, most = front.most;
+        change = front.change, most = front.most, over_cm = 0.0;
         cell.brief = front.brief, cell.region = front.region;
     }
+    if (change == 0.0f && depth_cm < over_cm && before > rules.looked_over && before < rules.presumed)
+        change = std::max(rules.looked_over - before, rules.seen_empty);
     cell.evidence = std::min(std::max(before + change, -rules.limit), std::max(most, before));
 }
 
@@ -83,8 +85,9 @@ void paint(const Grid& grid, const View& view, const Floor& floor, const std::ve
     const auto in_column = [&places](std::size_t c) {
         return std::span(places.all).subspan(places.begin[c], places.begin[c + 1] - places.begin[c]);
     };
-    std::vector<double> free_to = floor.free_cm;
+    std::vector<double> free_to = floor.free_cm, over(width);
     for (std::size_t c = 0; c < width; ++c) {
+        over[c] = floor.cut[c] ? 0.0 : floor.floor_cm[c];
         for (const Place& place : in_column(c))
             free_to[c] = std::min(free_to[c], place.depth_cm - 2 * place.front->sigma_cm);
         free_to[c] -= rules.cell_cm / 2;
@@ -105,7 +108,13 @@ void paint(const Grid& grid, const View& view, const Floor& floor, const std::ve
                 grid.evidence[at] = std::min(grid.evidence[at], 0.0f);
                 grid.brief[at] = false;
             }
-            judge({grid.evidence[at], grid.region[at], grid.brief[at]}, depth, free_to[c], floor, in_column(c), rules);
+            double over_cm = over[c];
+            for (const double end : {-rules.cell_cm / 3, rules.cell_cm / 3}) {  // near by, a cell is many columns wide
+                const double other = std::floor((pixel_of((side + end) / depth, view) + 0.5) / view.step_px);
+                const double last = static_cast<double>(width) - 1;
+                over_cm = std::min(over_cm, over[static_cast<std::size_t>(std::min(std::max(other, 0.0), last))]);
+            }
+            judge({grid.evidence[at], grid.region[at], grid.brief[at]}, depth, free_to[c], over_cm, floor, in_column(c), rules);
         }
     }
 }

@@ -29,7 +29,8 @@ struct View {
 
 // What the picture shows of the floor, by column.
 struct Floor {
-    std::vector<double> free_cm;  // it is seen up to here
+    std::vector<double> free_cm;  // it surely is floor up to here
+    std::vector<double> floor_cm; // and most likely up to here
     std::vector<bool> cut;        // none of it is seen
     double nearest_cm;            // where the view of it begins
 };
@@ -48,9 +49,10 @@ struct Front {
 };
 
 struct Rules {
-    Rules(float seen_empty_, float presumed_, float limit_, double cell_cm_)
-        : seen_empty(seen_empty_), presumed(presumed_), limit(limit_), cell_cm(cell_cm_) {}
-    float seen_empty;  // what a frame of bare floor is worth
+    Rules(float seen_empty_, float looked_over_, float presumed_, float limit_, double cell_cm_)
+        : seen_empty(seen_empty_), looked_over(looked_over_), presumed(presumed_), limit(limit_), cell_cm(cell_cm_) {}
+    float seen_empty;   // what a frame of bare floor is worth
+    float looked_over;  // known of a cell that something farther was seen over
     float presumed;    // of a cell with less than this, either way, little is known
     float limit;
     double cell_cm;
