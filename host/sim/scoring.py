@@ -20,6 +20,8 @@ MOST_SAMPLES = 20_000  # kept of a drive; beyond, those of every second look are
 SMALLEST_PX = 20  # regions with fewer pixels have no truth worth the name
 FALSE_STOP_CM = 20.0  # with so much room straight before the rim nothing was there to stop for
 FARTHEST_CM = 150.0  # room ahead is looked for up to here
+COMES_S = 10.0  # nor is it where something that moves comes by so soon
+COMES_CM = 60.0  # so near ahead of the rim
 LOOK_STEP_CM = 0.1
 
 
@@ -84,11 +86,12 @@ class Stop:
     t_s: float
     reason: str
     true_room_cm: float  # straight before the rim, until something stands there
+    gives_way: bool = False  # something that truly moves is about to come by ahead
 
     @property
     def is_false(self) -> bool:
         """Nothing was there to stop for."""
-        return self.true_room_cm >= FALSE_STOP_CM
+        return self.true_room_cm >= FALSE_STOP_CM and not self.gives_way
 
 
 def region_mask(loops: Sequence[np.ndarray], shape: tuple[int, int]) -> np.ndarray:
@@ -171,18 +174,30 @@ class Score:
     def hear(self, moves: bool, reason: str) -> None:
         """Take in what the robot was just told to do, and why; not the end of a drive."""
         if self._moves and not moves:
-            self.stops.append(Stop(self._simulation.clock.now_s(), reason, self.room_ahead_cm()))
+            now_s = self._simulation.clock.now_s()
+            self.stops.append(Stop(now_s, reason, self.room_ahead_cm(), self._something_comes()))
         self._moves = moves
 
     def room_ahead_cm(self) -> float:
         """How far the robot can now truly go straight on, at most FARTHEST_CM."""
+        return self._room_at(0.0)
+
+    def _room_at(self, after_s: float) -> float:
+        """The same with everything as it will stand a while from now."""
         body = self._simulation.body
         x, z, heading = body.axle
         steps = np.arange(0.0, FARTHEST_CM, LOOK_STEP_CM)
         places = np.column_stack([x + steps * math.sin(heading), z + steps * math.cos(heading)])
-        world = self._simulation.world.at(body.time_us * 1e-6)
+        world = self._simulation.world.at(body.time_us * 1e-6 + after_s)
         shut = world.distance_cm(places) < body.radius_cm
         return float(steps[max(0, int(np.argmax(shut)) - 1)]) if shut.any() else FARTHEST_CM
+
+    def _something_comes(self) -> bool:
+        """Whether what moves, and is not what stands there anyway, soon leaves less room ahead."""
+        if not self._simulation.world.movers:
+            return False
+        rooms = [self._room_at(after_s) for after_s in np.arange(0.0, COMES_S, 0.25)]
+        return min(rooms) < min(COMES_CM, max(rooms))
 
     def pose_error(self, estimate: Pose) -> dict[str, float]:
         """Distance in cm and angle in degrees from the true camera pose at ``estimate.t_s``, or now.

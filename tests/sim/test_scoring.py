@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -167,6 +168,26 @@ def test_a_stop_is_false_where_nothing_stands_ahead(monkeypatch, z_cm: float, ro
     assert stop.reason == "stop: region 3"
     assert stop.true_room_cm == pytest.approx(room_cm, abs=LOOK_STEP_CM)
     assert stop.is_false == (room_cm == 53.0)
+
+
+@pytest.mark.parametrize("looks_across", [True, False])
+def test_a_stop_before_the_line_of_what_truly_comes_by_is_not_false(monkeypatch, looks_across: bool) -> None:
+    simulation = Simulation("sim:room?seed=3&movers=1")
+    simulation.world = replace(simulation.world, things=())  # but for the mover
+    (mover,) = simulation.world.movers
+    begin, end = np.array([mover.thing.x_cm, mover.thing.z_cm]), np.array(mover.other_end_cm)
+    along = (end - begin) / np.hypot(*(end - begin))
+    middle, across = (begin + end) / 2, np.array([-along[1], along[0]])
+    across *= np.sign(middle @ across)
+    x, z = middle - 60.0 * across  # on the side where it set out from
+    heading = math.atan2(*across) + (0.0 if looks_across else math.pi)
+    monkeypatch.setattr(type(simulation.body), "axle", (x, z, heading))
+    score = Score(simulation)
+    score.hear(moves=True, reason="straight")
+    score.hear(moves=False, reason="stop: it crosses ahead")
+    (stop,) = score.stops
+    assert stop.true_room_cm > 20.0
+    assert stop.is_false == (not looks_across)
 
 
 def test_of_a_long_drive_whole_frames_are_let_go_every_second_one():
