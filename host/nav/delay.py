@@ -20,7 +20,7 @@ from host.pose import Pose, wrap
 MOST_S = 0.1  # late or early; more is not looked for
 USUAL_S = 0.03  # standard deviation of what is expected before anything is seen
 FRESH_SIGMA_S = 0.002  # as if known so well from the newest alone: older comparisons count less and less
-ROWS_SIGMA_S = 0.002  # rows are exposed one after another, and what is seen best may lie above or below
+ALIKE_SIGMA_S = 0.004  # in all starts and stops, of what edges tell of them, and by the order of rows
 RATE_S = 0.025  # to either side, over which speeds are taken
 EVERY_S = 0.06  # pictures nearer to the last one are not looked at
 LONGEST_S = 0.7  # between two pictures compared
@@ -142,5 +142,5 @@ class Delay:
         mean = self._sum / self._information
         self.estimate = (
             min(max(mean, -MOST_S), MOST_S),
-            math.hypot(1 / math.sqrt(self._information), ROWS_SIGMA_S),
+            math.hypot(1 / math.sqrt(self._information), ALIKE_SIGMA_S),
         )

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -27,40 +28,50 @@ EVEN_SIGMA_COUNTS = 0.02  # between two edges of a wheel that turns evenly
 BENT_SIGMA_COUNTS = 0.15  # and for each unit by which neighbouring periods differ, relatively
 AHEAD_SIGMA_COUNTS = 0.1  # one cell after the last edge, beside what the last periods differ by
 AHEAD_BENT = 2.0  # what those count there, over what they count between two edges
-ROLL_OUT_S = 0.055  # a wheel about to stop goes on as far as it would in this time at an even speed
 STOPS = 0.8  # of the speed over one cell is left over the next: a wheel is about to stop
 STOPPED_SIGMA_COUNTS = 0.2  # of where it stands then
 
-# What a start may be like: way to the first edge, acceleration, and the speed it leads to, over the one seen.
-LEADS = (np.arange(24) + 0.5) / 24
-ACCELERATIONS_CM_S2 = 100.0 * 2.0 ** np.linspace(-4.0, 2.0, 25)
-USUAL_ACCELERATION_CM_S2, ACCELERATION_SPREAD = 100.0, 1.0  # natural logarithm
-FINAL_SPEEDS = np.array([1.0, 1.1, 1.3, 100.0])
+# What a start may be like: the firmware raises the speed by its ramp, which the motors follow with a lag.
+RAMP_CM_S2, LAG_S = 100.0, 0.05
+LEADS = (np.arange(24) + 0.5) / 24  # cells to the first edge
+FINAL_SPEEDS_CM_S = np.array([3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0, 15.0, 20.0, 30.0])
+LONGEST_START_S = 1.5
+BRAKE_CM_S2 = 115.0  # at the end of a stop, as if even from the last edge on
 CLEAR_CHANGE = 0.15  # relative, of the speed over a cell; uneven edges alone may seem to change it by less
-PERIOD_SIGMA = 0.06  # relative: uneven edges, and motors that lag
+PERIOD_SIGMA = 0.1  # relative: uneven edges, and motors that lag more or less
+
+
+@cache
+def _starts(cell_cm: float) -> np.ndarray:
+    """(final speeds, leads, 3) seconds from the beginning of a start to the first three edges."""
+    t = np.linspace(0.0, LONGEST_START_S, 600)
+    edges = cell_cm * (LEADS[:, None] + np.arange(3))
+    out = []
+    for final in FINAL_SPEEDS_CM_S:
+        up_s = final / RAMP_CM_S2
+        rising, level = np.minimum(t, up_s), np.maximum(t - up_s, 0.0)
+        behind = RAMP_CM_S2 * LAG_S * (1 - np.exp(-rising / LAG_S))  # what the lag takes off the speed
+        way = RAMP_CM_S2 * rising * (rising / 2 - LAG_S) + LAG_S * behind
+        way += final * level - LAG_S * behind * (1 - np.exp(-level / LAG_S))
+        out.append(np.interp(edges, way, t, right=math.inf))
+    return np.array(out)
 
 
 def lead_in(periods_s: list[float], cell_cm: float) -> tuple[float, float]:
-    """(way from rest to the first edge, its standard error), cm, from the periods of the cells after it.
+    """(way from rest to the first edge, its standard error), cm, from the periods of the two cells after it.
 
-    The mean over all evenly accelerated starts to a final speed, each as likely as it explains the periods.
+    The mean over all starts, each as likely as it explains the periods.
     """
-    lead, acceleration, final = np.meshgrid(
-        cell_cm * LEADS, ACCELERATIONS_CM_S2, FINAL_SPEEDS * cell_cm / min(periods_s), indexing="ij"
-    )
-    cost = (np.log(acceleration / USUAL_ACCELERATION_CM_S2) / ACCELERATION_SPREAD) ** 2
-
-    def time_of(way: np.ndarray) -> np.ndarray:
-        speeding_up = np.minimum(way, final**2 / (2 * acceleration))
-        return np.sqrt(2 * speeding_up / acceleration) + (way - speeding_up) / final
-
-    for k, period in enumerate(periods_s):
-        expected = time_of(lead + (k + 1) * cell_cm) - time_of(lead + k * cell_cm)
-        cost += (np.log(expected / period) / PERIOD_SIGMA) ** 2
-    weight = np.exp(-0.5 * (cost - cost.min()))
-    mean = float((weight * lead).sum() / weight.sum())
-    variance = float((weight * (lead - mean) ** 2).sum() / weight.sum())
-    return mean, math.sqrt(variance + (0.05 * cell_cm) ** 2)
+    starts = _starts(cell_cm)
+    with np.errstate(invalid="ignore"):  # slower starts than are looked at
+        expected = np.diff(starts, axis=2)
+    expected[~np.isfinite(expected)] = LONGEST_START_S
+    cost = ((np.log(expected / np.array(periods_s[:2])) / PERIOD_SIGMA) ** 2).sum(axis=2)
+    weight = np.exp(-0.5 * (cost - cost.min())).sum(axis=0)
+    weight /= weight.sum()
+    mean = float(weight @ LEADS)
+    variance = float(weight @ (LEADS - mean) ** 2)
+    return cell_cm * mean, cell_cm * math.sqrt(variance + 0.05**2)
 
 
 class Wheel:
@@ -112,7 +123,17 @@ class Wheel:
 
     def _roll_out(self) -> float:
         """How far it goes on after the last edge when no other follows, cm."""
-        return min(self._speed_at_edge() * ROLL_OUT_S, 0.95 * self._cell)
+        way = self._speed_at_edge() ** 2 / (2 * BRAKE_CM_S2)
+        if not self._slows():  # then it began to brake later, anywhere in the cell
+            way = max(way, self._cell / 2)
+        return min(way, 0.95 * self._cell)
+
+    def _slows(self) -> bool:
+        """The last cell took it clearly longer than the one before."""
+        if self._run < 3:
+            return False
+        (a, b, c), (p, q, r) = self._t[-3:], self._s[-3:]
+        return abs((r - q) / (c - b)) < (1 - CLEAR_CHANGE) * abs((q - p) / (b - a))
 
     def _stopping(self) -> bool:
         """It slows down so fast that it seems about to stand."""
@@ -126,7 +147,7 @@ class Wheel:
         """Speed at the last edge, cm/s, without sign: that of the last cell, or as it clearly changed."""
         last = self._speed()
         if self._run < 2:
-            begun = math.sqrt(USUAL_ACCELERATION_CM_S2 * self._cell)  # from the middle of its cell
+            begun = math.sqrt(RAMP_CM_S2 * self._cell)  # from the middle of its cell
             return min(begun, self._cell / self._pause_s) if self._pause_s < CREEP_S else begun
         if self._run < 3 or last == 0.0:
             return last
@@ -204,7 +225,8 @@ class Wheel:
             speed = self._speed_at_edge() / cell  # cells a second
             if self._stopping():
                 since_s = min(t_s, self._heard_s + AHEAD_S) - self._t[-1]
-                rolled = self._roll_out() * (1 - math.exp(-since_s / ROLL_OUT_S))
+                stands = self._roll_out()
+                rolled = stands * (1 - math.exp(-since_s * self._speed_at_edge() / max(stands, 1e-9)))
                 return self._s[-1] + self._sign * rolled
             u = speed * (min(t_s, self._heard_s) - self._t[-1])
             if u > 1:
