@@ -58,6 +58,15 @@ def paint(
 def columns(
     image: np.ndarray, kinds: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]: ...
+def fill(
+    points: np.ndarray,
+    lengths: np.ndarray,
+    kinds: np.ndarray,
+    rows: int,
+    cols: int,
+    step: float,
+    none: int,
+) -> np.ndarray: ...
 def first_other(
     labels: np.ndarray, ground: np.ndarray, foot: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]: ...

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 
-import cv2
 import numpy as np
 
 from host.camera.lens import Lens
@@ -112,15 +111,13 @@ class Picture:
 
 def label_image(snapshot: Snapshot, lens: Lens) -> np.ndarray:
     """Which of the snapshot's regions every second pixel shows, (H / 2, W / 2); their number where none."""
-    none = len(snapshot.regions)
-    kind = np.uint8 if none < 256 else np.uint16
-    labels = np.full((lens.height // STEP_PX, lens.width // STEP_PX), none, kind)
-    for k, region in enumerate(snapshot.regions):
-        if len(region.loops) == 1:
-            loops = [np.rint((region.loops[0] - 0.5) * (16 / STEP_PX)).astype(np.int32)]
-        else:
-            ends = np.cumsum([len(loop) for loop in region.loops])[:-1]
-            all_loops = np.rint((np.concatenate(region.loops) - 0.5) * (16 / STEP_PX)).astype(np.int32)
-            loops = np.split(all_loops, ends) if region.loops else []
-        cv2.fillPoly(labels, loops, k, shift=4)
-    return labels
+    loops = [loop for region in snapshot.regions for loop in region.loops]
+    return _nav.fill(
+        np.concatenate([*loops, np.zeros((0, 2))]),
+        np.array([len(loop) for loop in loops], np.int64),
+        np.array([k for k, region in enumerate(snapshot.regions) for _ in region.loops], np.int64),
+        lens.height // STEP_PX,
+        lens.width // STEP_PX,
+        STEP_PX,
+        len(snapshot.regions),
+    )

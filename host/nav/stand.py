@@ -30,7 +30,8 @@ USABLE = 0.25  # a depth with a larger relative sigma places nothing
 STRAIGHT = 0.006  # rms of a straight wall's feet about their line, as a slope: 2 px at 280 px focal length
 WALL_CM = 70.0  # what is wider than this has a front as its feet have it, what is narrower a flat one
 TOUCHING = 1.05  # columns whose foot is nearer than this times the nearest foot touch the floor
-HANGING = 0.6  # a thing whose outer feet are flatter than this part of its nearest one hangs over there
+HANGING = 0.65  # a thing whose outer feet are flatter than this part of its nearest one hangs over there
+OUTER = 0.1  # of its columns, on either side
 MEAN_TO_FRONT = 0.15  # a thing's nearest point before its mean depth, in its widths
 FARTHEST_DEPTH_CM = 450.0
 LEAST_COLUMNS = 3
@@ -223,12 +224,28 @@ def _on_its_feet(
         depth = feet.height_cm / np.maximum(slopes, feet.height_cm / FARTHEST_CM)
         return Standing(region, columns, depth, z, sigma_cm, how, weight)
     bulge = round_cm = 0.0
-    if quantile(ordered, 0.1) < HANGING * nearest:
+    if hangs_over(slopes, columns, covered, nearest, len(feet.cut)):
         touching = float((slopes > nearest / TOUCHING).sum()) / len(covered)
         round_cm = 0.5 * feet.width_cm(covered, z)
         bulge = (1 - touching) * round_cm
     front = np.full(len(covered), z - bulge)
     return Standing(region, covered, front, z, sigma_cm, how, weight, round_cm)
+
+
+def hangs_over(
+    slopes: np.ndarray, columns: np.ndarray, covered: np.ndarray, nearest: float, width: int
+) -> bool:
+    """Whether the outer feet are much flatter than the nearest on both sides that are in the picture.
+
+    On one side alone they are so along a slanted front, which stands on the floor all the way.
+    """
+    outer = max(1, round(OUTER * len(columns)))
+    ends = [
+        _mean(feet)
+        for feet, seen in ((slopes[:outer], covered[0] > 0), (slopes[-outer:], covered[-1] < width - 1))
+        if seen
+    ]
+    return bool(ends) and max(ends) < HANGING * nearest
 
 
 def _agreed(

@@ -131,8 +131,10 @@ class PlanarWorld:
             mask = (labels == region_id).astype(np.uint8)
             if mask.sum() < 30:
                 continue
-            outlines, _ = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
-            loops = tuple(o.reshape(-1, 2).astype(float) for o in outlines)
+            # of four quarters of each pixel, so that an outline runs between the pixels as the net's do
+            halves = mask.repeat(2, axis=0).repeat(2, axis=1)
+            outlines, _ = cv2.findContours(halves, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+            loops = tuple((o // 2 + o % 2 - 0.5).reshape(-1, 2) for o in outlines)
             border = bool(mask[0].any() or mask[-1].any() or mask[:, 0].any() or mask[:, -1].any())
             rng = np.random.default_rng(int(region_id))
             rgb = (120.0, 100.0, 80.0) if region_id == FLOOR_ID else tuple(rng.uniform(130, 250, 3))

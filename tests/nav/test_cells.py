@@ -28,6 +28,24 @@ def patches(rng: np.random.Generator, shape: tuple[int, int], kinds: int) -> np.
 
 
 @pytest.mark.parametrize("seed", SEEDS)
+def test_a_pixel_belongs_to_the_outline_round_its_centre_and_no_outline_grows_by_its_border(seed: int):
+    rng = np.random.default_rng(seed)
+    points = np.round(rng.uniform(-5, 70, (14, 2)) * 4) / 4 + 0.1  # no centre on a side
+    rows, cols, step = 30, 32, 2
+    triangles, hole = points[:12].reshape(4, 3, 2), np.array([[20.1, 20.1], [28.1, 21.1], [24.1, 29.1]])
+    loops = [*triangles, np.array([[10.1, 10.1], [40.1, 12.1], [30.1, 50.1]]), hole]
+    kinds = np.array([0, 1, 2, 3, 4, 4])
+    found = _nav.fill(
+        np.concatenate(loops), np.array([len(one) for one in loops]), kinds, rows, cols, step, 9
+    )
+    for r, c in itertools.product(range(rows), range(cols)):
+        centre = step * c + 0.5 * (step - 1), step * r + 0.5 * (step - 1)
+        holds = [cv2.pointPolygonTest(one.astype(np.float32), centre, False) > 0 for one in loops]
+        inside = [*holds[:4], holds[4] != holds[5]]
+        assert found[r, c] == (max(np.flatnonzero(inside)) if any(inside) else 9)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
 def test_stretches_of_one_region_cover_every_column_from_the_lower_border_up(seed: int):
     image = patches(np.random.default_rng(seed), (30, 40), 6)
     labels, starts, ends, owner, lowest, pixels, at_border = _nav.columns(image, 6)

@@ -15,7 +15,7 @@ from host.nav.config import BodyConfig, NavConfig
 from host.nav.floor import FloorFinder
 from host.nav.map import FREE, OCCUPIED, ObstacleMap
 from host.nav.picture import Picture, rays_of
-from host.nav.stand import AT_BORDER, Feet, stand_of
+from host.nav.stand import AT_BORDER, Feet, hangs_over, stand_of
 from host.pose import Pose
 from host.rbdn.snapshot import Snapshot
 
@@ -96,9 +96,10 @@ def test_without_depth_the_foot_on_the_floor_tells_where_a_thing_stands():
 
 
 def test_depth_and_foot_that_agree_are_better_than_either():
-    obstacle = look(PlanarWorld([BOX]), fresh(), {10: (92.0, 5.0)}).obstacles[10]
-    assert obstacle.sigma_cm < 5.0
-    assert 89 < obstacle.depth_cm < 92
+    foot = look(PlanarWorld([BOX]), fresh()).obstacles[10]
+    both = look(PlanarWorld([BOX]), fresh(), {10: (88.0, 5.0)}).obstacles[10]
+    assert both.sigma_cm < min(foot.sigma_cm, 5.0)
+    assert 88 < both.depth_cm < foot.depth_cm
 
 
 @pytest.mark.parametrize("depth", [50.0, 160.0])
@@ -205,6 +206,13 @@ def test_a_ball_is_filled_from_its_nearest_point_on_though_its_foot_lies_behind(
     assert cells[:, 1].min() < z - radius + 7
     assert cells[:, 0].min() < -radius + 5
     assert cells[:, 0].max() > radius - 5
+
+
+def test_what_is_nearer_at_one_end_is_a_slanted_front_and_hangs_over_nowhere():
+    columns = np.arange(40)
+    flat_at = {"one end": np.linspace(0.05, 0.15, 40), "both ends": 0.15 - 0.1 * np.abs(columns - 20) / 20}
+    hangs = {where: hangs_over(s, columns + 9, columns + 9, 0.14, 160) for where, s in flat_at.items()}
+    assert hangs == {"one end": False, "both ends": True}
 
 
 def test_a_box_seen_over_its_corner_is_filled_from_the_corner_on():

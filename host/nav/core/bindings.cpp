@@ -12,6 +12,7 @@
 
 #include "ahead.hpp"
 #include "columns.hpp"
+#include "fill.hpp"
 #include "grid.hpp"
 #include "search.hpp"
 #include "seam.hpp"
@@ -52,6 +53,21 @@ nb::tuple columns(const Image<T>& image, std::size_t kinds) {
                           to_array<std::int64_t>(c.owner, {stretches}),
                           to_array<std::int64_t>(c.lowest, {kinds, c.cols}), to_array<std::int64_t>(c.pixels, {kinds}),
                           to_array<std::int64_t>(c.at_border, {kinds}));
+}
+
+nb::object fill(const Image<double>& points, const Row<std::int64_t>& lengths, const Row<std::int64_t>& kinds,
+                std::size_t rows, std::size_t cols, double step, std::uint16_t none) {
+    require(points.shape(1) == 2, "x and y of every point");
+    require(lengths.shape(0) == kinds.shape(0), "a kind for every outline");
+    std::vector<nav::Outline> outlines;
+    std::size_t begin = 0;
+    for (std::size_t k = 0; k < lengths.shape(0); ++k) {
+        const auto count = static_cast<std::size_t>(lengths.data()[k]);
+        require(count <= points.shape(0) - begin, "as many points as the outlines have");
+        outlines.push_back({points.data() + 2 * begin, count, static_cast<std::uint16_t>(kinds.data()[k])});
+        begin += count;
+    }
+    return to_array<std::uint16_t>(nav::fill(outlines, rows, cols, step, none), {rows, cols});
 }
 
 nb::tuple first_other(const Image<std::uint16_t>& labels, const Row<std::uint8_t>& ground,
@@ -232,6 +248,8 @@ NB_MODULE(_nav, m) {
           "view"_a, "window"_a, "floor"_a, "fronts"_a, "rules"_a);
     m.def("columns", &columns<std::uint8_t>, "image"_a.noconvert(), "kinds"_a);
     m.def("columns", &columns<std::uint16_t>, "image"_a.noconvert(), "kinds"_a);
+    m.def("fill", &fill, "points"_a, "lengths"_a, "kinds"_a, "rows"_a, "cols"_a, "step"_a,
+          "none"_a);
     m.def("first_other", &first_other, "labels"_a, "ground"_a, "foot"_a);
     m.def("colour_steps", &colour_steps, "colours"_a, "window"_a, "light"_a);
     m.def("agreed", &agreed, "foot"_a, "found"_a, "search"_a, "agree_px"_a);
