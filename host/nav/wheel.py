@@ -34,11 +34,11 @@ STOPPED_SIGMA_COUNTS = 0.2  # of where it stands then
 # What a start may be like: the firmware raises the speed by its ramp, which the motors follow with a lag.
 RAMP_CM_S2, LAG_S = 100.0, 0.05
 LEADS = (np.arange(24) + 0.5) / 24  # cells to the first edge
-FINAL_SPEEDS_CM_S = np.array([3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0, 15.0, 20.0, 30.0])
+FINAL_SPEEDS_CM_S = np.geomspace(3.0, 40.0, 20)
 LONGEST_START_S = 1.5
 BRAKE_CM_S2 = 115.0  # at the end of a stop, as if even from the last edge on
 CLEAR_CHANGE = 0.15  # relative, of the speed over a cell; uneven edges alone may seem to change it by less
-PERIOD_SIGMA = 0.1  # relative: uneven edges, and motors that lag more or less
+PERIOD_SIGMA = 0.07  # relative: uneven edges, and motors that lag more or less
 
 
 @cache
