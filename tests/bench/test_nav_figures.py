@@ -1,0 +1,36 @@
+"""The table of many worlds counts what is true, not what the robot says of itself."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from bench.nav import THERE_CM, figures_of_worlds
+
+
+def drive(outcome: str, off_cm: float | None, has_path: bool = True) -> dict[str, Any]:
+    return {
+        "outcome": outcome,
+        "has_path": has_path,
+        "final_pose_error": None if off_cm is None else {"position_cm": off_cm, "heading_deg": 0.0},
+        "true_distance_cm": 200.0,
+        "duration_s": 20.0,
+        "stops": [],
+        "collisions": 0,
+        "min_clearance_cm": 5.0,
+        "refused_frames": 0,
+        "depths": [],
+    }
+
+
+def test_a_goal_that_the_robot_is_not_at_is_not_reached_whatever_it_says():
+    drives = [drive("goal", 2.0), drive("goal", THERE_CM + 1), drive("time", 1.0), drive("goal", None)]
+    figures = figures_of_worlds(drives)
+    assert figures["reached_percent"] == 25.0
+    assert figures["elsewhere"] == 2
+
+
+def test_a_world_without_a_way_counts_for_collisions_alone():
+    figures = figures_of_worlds([drive("goal", 1.0), drive("blocked", 1.0, has_path=False)])
+    assert figures["drives"] == 2
+    assert figures["with_a_way"] == 1
+    assert figures["reached_percent"] == 100.0
