@@ -13,7 +13,7 @@ drive: build/ready
 
 # Two processes; tests/conftest.py says which tests keep together, and in which order.
 test: build/ready-for-tests
-	$(RUN) -m pytest -n 2 --dist loadgroup --no-loadscope-reorder
+	$(RUN) -m pytest -n 2 --no-loadscope-reorder
 
 setup: build/ready
 

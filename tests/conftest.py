@@ -9,41 +9,41 @@ import cv2
 import numpy as np
 import pytest
 
-TESTS = Path(__file__).parent
 # What shares something that takes long to build, and what is timed by the clock: of that never two at once.
 TOGETHER = {
-    "firmware": ("firmware",),
-    "clock": (
-        "link",
-        "camera",
-        "loop/test_real_parts",
-        "sim/test_serve",
-        "view/test_page",
-        "record/test_replay",
-    ),
-    "depth": ("depth",),
-    "calibrate": ("calibrate",),
-    "record": ("record",),
+    "firmware": ("firmware/",),
+    "clock": ("link/", "camera/", "loop/test_real_parts", "sim/test_serve", "view/test_page"),
+    "depth": ("depth/",),
+    "calibrate": ("calibrate/",),
+    "record": ("record/",),
 }
 WIDTH, HEIGHT, FOCAL = 96, 72, 110.0
 GAMMA = 2.2
 
 
-def group_of(item: pytest.Item) -> str:
-    """What is run by one process: one of TOGETHER, or all tests of a file."""
-    file = item.path.relative_to(TESTS).as_posix()
+def group_of(nodeid: str) -> str:
+    """Whose tests one process runs: one of TOGETHER, or a file."""
+    file = nodeid.split("::")[0].removeprefix("tests/")
     return next((group for group, files in TOGETHER.items() if file.startswith(files)), file)
 
 
-@pytest.hookimpl(tryfirst=True)
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log):
+    """For `make test`, which runs two processes."""
+    from xdist.scheduler import LoadScopeScheduling
+
+    class Together(LoadScopeScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            return group_of(nodeid)
+
+    return Together(config, log)
+
+
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """For `make test`, which runs two processes: the groups that take longest begin."""
-    if not getattr(config.option, "loadgroup", False):
-        return
-    groups = list(TOGETHER)
-    items.sort(key=lambda item: groups.index(group_of(item)) if group_of(item) in groups else len(groups))
-    for item in items:
-        item.add_marker(pytest.mark.xdist_group(group_of(item)))
+    """There, what takes longest begins."""
+    if hasattr(config, "workerinput"):
+        order = {group: k for k, group in enumerate(TOGETHER)}
+        items.sort(key=lambda item: order.get(group_of(item.nodeid), len(order)))
 
 
 def small_image(z_cm: float) -> np.ndarray:
