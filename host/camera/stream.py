@@ -7,13 +7,14 @@ import re
 import select
 import socket
 import time
-from urllib.parse import urlsplit
+from urllib.parse import urljoin, urlsplit
 
 from host.camera.live import Shot
 from host.errors import DeviceError, UsageError
 
 CONNECT_S = 3.0
 SILENCE_S = 1.0  # of the stream, after which it is opened anew
+MOVES = 5  # from one address to another before its stream is given up
 LARGEST_PART = 16_000_000
 READ_BYTES = 1 << 16
 STREAM_TYPE = "multipart/x-mixed-replace"
@@ -33,24 +34,35 @@ class MjpegStream:
     """
 
     def __init__(self, url: str) -> None:
-        self._connection = _connection(url)
-        try:
-            parts = urlsplit(url)
-            self._connection.connect()
-            self._socket: socket.socket = self._connection.sock  # which it forgets when the reply has begun
-            self._connection.request("GET", (parts.path or "/") + (f"?{parts.query}" if parts.query else ""))
-            self._reply = self._connection.getresponse()
-            self._boundary = _boundary(url, self._reply)
-            self._socket.settimeout(SILENCE_S)
-        except (OSError, http.client.HTTPException) as error:
-            self._connection.close()
-            raise DeviceError(
-                f"camera {url}: does not answer ({error or type(error).__name__}); is it on, and is the "
-                f"address right?"
-            ) from None
-        except DeviceError:
-            self._connection.close()
-            raise
+        at = url
+        for _ in range(1 + MOVES):
+            self._connection = _connection(at)
+            try:
+                parts = urlsplit(at)
+                self._connection.connect()
+                self._socket: socket.socket = self._connection.sock  # it forgets it when the reply has begun
+                self._connection.request(
+                    "GET", (parts.path or "/") + (f"?{parts.query}" if parts.query else "")
+                )
+                self._reply = self._connection.getresponse()
+                moved = self._reply.getheader("Location") if 300 <= self._reply.status < 400 else None
+                if moved is None:
+                    self._boundary = _boundary(at, self._reply)
+                    self._socket.settimeout(SILENCE_S)
+                    break
+                self._connection.close()
+                at = urljoin(at, moved)
+            except (OSError, http.client.HTTPException) as error:
+                self._connection.close()
+                raise DeviceError(
+                    f"camera {at}: does not answer ({error or type(error).__name__}); is it on, and is the "
+                    f"address right?"
+                ) from None
+            except DeviceError:
+                self._connection.close()
+                raise
+        else:
+            raise DeviceError(f"camera {url}: leads from one address to the next; give the last, {at}")
         self._bytes = bytearray()
 
     def read(self) -> Shot | None:

@@ -29,10 +29,12 @@ class MjpegServer(threading.Thread):
         chunked: bool = False,
         kind: str = f"multipart/x-mixed-replace; boundary=--{BOUNDARY.decode()}",
         status: HTTPStatus = HTTPStatus.OK,
+        elsewhere: str = "",
         picture: Callable[[int], bytes] = jpeg,
     ) -> None:
         super().__init__(daemon=True)
         self._lengths, self._chunked, self._kind, self._status = lengths, chunked, kind, status
+        self._elsewhere = f"Location: {elsewhere}\r\n" if elsewhere else ""
         self._picture = picture
         self._listener = socket.create_server(("127.0.0.1", 0))
         self.url = f"http://127.0.0.1:{self._listener.getsockname()[1]}/video?size=small"
@@ -70,7 +72,8 @@ class MjpegServer(threading.Thread):
         self.asked = caller.recv(4096)
         transfer = "Transfer-Encoding: chunked\r\n" if self._chunked else ""
         status = f"{self._status.value} {self._status.phrase}"
-        caller.sendall(f"HTTP/1.1 {status}\r\nContent-Type: {self._kind}\r\n{transfer}\r\n".encode())
+        head = f"HTTP/1.1 {status}\r\nContent-Type: {self._kind}\r\n{self._elsewhere}{transfer}\r\n"
+        caller.sendall(head.encode())
         if self._status != HTTPStatus.OK or "multipart" not in self._kind:
             return
         while not self._done:

@@ -102,6 +102,7 @@ def test_a_server_that_is_gone_is_tried_again_and_the_reason_told(monkeypatch: p
     [
         ({"status": HTTPStatus.NOT_FOUND}, "answers 404 Not Found; open the address in a browser"),
         ({"status": HTTPStatus.UNAUTHORIZED}, "answers 401 Unauthorized"),
+        ({"status": HTTPStatus.FOUND}, "answers 302 Found"),  # and does not say where
         ({"kind": "text/html"}, "gives text/html, no MJPEG stream; look up the address"),
         ({"kind": "image/jpeg"}, "gives a single picture; look up the address of its MJPEG stream"),
     ],
@@ -110,6 +111,18 @@ def test_what_is_no_stream_is_told(how, words: str):
     with serving(**how) as server, pytest.raises(DeviceError) as told:
         open_camera(server.url)
     assert str(told.value).startswith(f"camera {server.url}: ") and words in str(told.value)
+
+
+def test_a_stream_that_has_moved_is_found_and_one_that_moves_for_ever_is_given_up():
+    with serving() as server, serving(status=HTTPStatus.FOUND, elsewhere=server.url) as old:
+        camera = open_camera(old.url)
+        assert camera.read(5.0) is not None
+        camera.close()
+    with serving(status=HTTPStatus.FOUND, elsewhere="/on?on") as server, pytest.raises(DeviceError) as told:
+        open_camera(server.url)
+    said = "leads from one address to the next; give the last, "
+    last = server.url.replace("/video?size=small", "/on?on")
+    assert str(told.value) == f"camera {server.url}: {said}{last}"
 
 
 def test_a_lens_of_another_size_is_refused():
