@@ -30,7 +30,9 @@ def keep(settings: Settings, path: Path = DEFAULT_FILE) -> None:
     UsageError
         It cannot be read or written, or a value is out of its range.
     """
-    text = path.read_text(encoding="utf-8") if path.is_file() else ""
+    text = path.read_bytes().decode("utf-8-sig") if path.is_file() else ""
+    end = "\r\n" if "\r\n" in text else "\n"
+    text = text.replace("\r\n", "\n")
     wanted = parse_config(text, path)
     for section, values in settings.items():
         wanted = replace(wanted, **{section: replace(getattr(wanted, section), **values)})
@@ -42,7 +44,7 @@ def keep(settings: Settings, path: Path = DEFAULT_FILE) -> None:
         raise UsageError(
             f"{path}: is written so that it cannot be changed line by line; write {toml_lines(settings)}"
         )
-    write_whole(path, text.encode())
+    write_whole(path, text.replace("\n", end).encode())
 
 
 def check_keepable(save: bool) -> None:

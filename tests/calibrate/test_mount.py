@@ -189,6 +189,15 @@ def test_one_setting_is_changed_and_all_else_stays(tmp_path: Path, before: str, 
     assert read_config(file).body.camera_height_cm == 16.4
 
 
+def test_the_file_keeps_the_ends_of_its_lines_and_who_may_read_it(tmp_path: Path) -> None:
+    file = tmp_path / "robot.toml"
+    file.write_bytes(b"[body]\r\ncamera_height_cm = 15  # lens\r\n")
+    file.chmod(0o640)
+    keep({"body": {"camera_height_cm": 16.4}}, file)
+    assert file.read_bytes() == b"[body]\r\ncamera_height_cm = 16.4  # lens\r\n"
+    assert file.stat().st_mode & 0o777 == 0o640
+
+
 def test_a_file_that_cannot_be_changed_line_by_line_is_left_alone(tmp_path: Path) -> None:
     file = tmp_path / "robot.toml"
     file.write_text("body = {camera_height_cm = 15.0}\n")
