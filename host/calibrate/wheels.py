@@ -99,6 +99,7 @@ class Calibrator:
         self.values = robot.read_params()
         self.result = Calibration(dict(self.values))
         self._touched: set[Param] = set()  # what may differ from before, written or on its way
+        self._saving = False  # or saved: the EEPROM may differ, too
 
     def run(self, advance: Callable[[float], None] = lambda amount: None) -> Calibration:
         """All of it; `advance` is told of each of `steps` when it is done.
@@ -107,11 +108,12 @@ class Calibrator:
         """
         try:
             result = self._measure(advance)
+            if self.options.save:
+                self._saving = True
+                self.robot.save_params()
         except BaseException:
             self._put_back()
             raise
-        if self.options.save:
-            self.robot.save_params()
         told = self.robot.read_params()
         for param, value in result.parameters.items():
             if told[param] != value:
@@ -154,9 +156,14 @@ class Calibrator:
             self._rest()
             for param in sorted(self._touched):
                 self.robot.write_param(param, self.result.parameters_before[param])
+            if self._saving:
+                self.robot.save_params()
         except DeviceError as error:
             names = ", ".join(param.name for param in sorted(self._touched))
-            text = f"the robot keeps unfinished values of {names} until its next start: restart it ({error})"
+            what_to_do = "until its next start: restart it"
+            if self._saving:
+                what_to_do = "and may have saved them: calibrate it again"
+            text = f"the robot keeps unfinished values of {names} {what_to_do} ({error})"
         else:
             text = "the robot has the parameters that it had before"
         print(text, file=sys.stderr)

@@ -193,6 +193,33 @@ def test_ctrl_c_on_the_way_leaves_the_robot_as_it_was(monkeypatch: pytest.Monkey
     assert parameters(rolling) == {param: known.default for param, known in PARAMETERS.items()}
 
 
+@pytest.mark.parametrize("listens", [True, False])
+def test_ctrl_c_while_the_robot_saves_leaves_it_as_it_was_or_says_that_it_is_not(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], listens: bool
+) -> None:
+    rolling = open_rolling("sim:?wheels=2&seed=1")
+
+    def save(self: Robot) -> None:
+        monkeypatch.setattr(Robot, "save_params", save_params)
+        save_params(self)  # the robot has done it, and nobody has heard so yet
+        if not listens:
+            rolling.board.read = lambda: b""  # type: ignore[method-assign]
+        raise KeyboardInterrupt
+
+    save_params = Robot.save_params
+    monkeypatch.setattr(Robot, "save_params", save)
+    with pytest.raises(KeyboardInterrupt):
+        calibrate(WheelsOptions(side_mm=500.0, straight_mm=500.0, runs=1, checks=1), rolling)
+    told = capsys.readouterr().err
+    if not listens:
+        assert "the robot keeps unfinished values of " in told
+        assert "and may have saved them: calibrate it again" in told
+        return
+    assert "the robot has the parameters that it had before" in told
+    rolling.board.reset()
+    assert parameters(rolling) == {param: known.default for param, known in PARAMETERS.items()}
+
+
 def test_a_robot_that_cannot_be_given_its_old_parameters_is_said_to_keep_the_new(
     interrupted, capsys: pytest.CaptureFixture[str]
 ) -> None:
