@@ -45,6 +45,7 @@ TURNS_RAD_S = 0.2  # who turns faster finds nothing new that moves
 RESTLESS = 8  # pictures that show something move nobody knows where to, until that is believed
 LEFT = -0.6  # log-odds of the floor that something left
 MOVER_CM = 30.0  # what stands no farther from where a mover should be, in its direction, is it
+PASSED_S = 3.0  # where it was seen not longer ago than this nothing else stands
 BRIEF = 2.0  # what moves, and what nobody knows the place of, never counts for more
 PRESUMED = 1.0  # what is only presumed behind a surface never counts for more
 
@@ -211,6 +212,7 @@ class ObstacleMap:
         feet = Feet(picture, self.floor, pose, self.body.camera_height_cm)
         standing: list[Standing] = []
         movers: set[int] = set()
+        near = self._mover_near(feet, pose)
         for region in snapshot.regions:
             if self.floor.is_floor(region.id):
                 continue
@@ -228,12 +230,15 @@ class ObstacleMap:
                 if (rest := found.where(~feet.cut)) is not None:
                     standing.append(rest)
                 continue
-            if not mixed and (mover := self._mover_at(found, feet, pose)) is not None:
-                # where that is, it knows better than its foot below the picture
-                movers.add(region.id)
-                velocity = mover.speed_cm_s * mover.ahead[0], mover.speed_cm_s * mover.ahead[1]
-                self.obstacles[region.id] = _obstacle(found, feet, pose.t_s, True, velocity)
-                continue
+            if near is not None and found.how == AT_BORDER:  # where that is, it knows better than its foot
+                mover, columns = near
+                if not mixed and float(columns[found.columns].mean()) > 0.5:
+                    movers.add(region.id)
+                    velocity = mover.speed_cm_s * mover.ahead[0], mover.speed_cm_s * mover.ahead[1]
+                    self.obstacles[region.id] = _obstacle(found, feet, pose.t_s, True, velocity)
+                    continue
+                if (found := found.where(~columns)) is None:
+                    continue
             standing.append(found)
             self._learn_front(found, report)
             if moving:
@@ -245,23 +250,40 @@ class ObstacleMap:
         for mover in self.movers:
             if mover.certain:
                 self.evidence[(self.region == mover.region) & self.brief & (self.evidence > 0.0)] = LEFT
+        self._tracks.look_for(feet, pose.t_s)
         resting = tuple(one for one in standing if one.region not in movers)
         camera = float(pose.position_cm[0]), float(pose.position_cm[2])
         self.sight = Sight(feet, resting, camera, heading_of(pose), pose.t_s)
         self._paint(pose, lens, feet, standing, movers)
-
-    def _mover_at(self, found: Standing, feet: Feet, pose: Pose) -> Mover | None:
-        """A mover that should be where something is seen at the lower border, whatever the net calls it."""
-        if found.how != AT_BORDER or not self.movers:
-            return None
-        rays = feet.across[found.columns]
         for mover in self.movers:
-            seen = mover.seen_between(pose) if mover.certain else None
-            if seen is None or not float(((rays > seen[0]) & (rays < seen[1])).mean()) > 0.5:
-                continue
-            if mover.nearest_cm(pose) < found.mean_cm + MOVER_CM:
-                return mover
-        return None
+            if mover.understood:
+                self._clear_line(mover, pose.t_s)
+
+    def _mover_near(self, feet: Feet, pose: Pose) -> tuple[Mover, np.ndarray] | None:
+        """The nearest mover whose foot may be below the picture, and in which columns (W / 2,)."""
+        near = []
+        for mover in self.movers:
+            seen = mover.seen_between(pose) if mover.certain and not mover.lost else None
+            if seen is not None and (gap := mover.nearest_cm(pose)) < feet.nearest_cm + MOVER_CM:
+                near.append((gap, mover, (feet.across > seen[0]) & (feet.across < seen[1])))
+        return min(near, key=lambda one: one[0])[1:] if near else None
+
+    def _clear_line(self, mover: Mover, t_s: float) -> None:
+        """Nothing stands where a mover was just seen to pass; nothing out of sight where it ever does."""
+        low, high = mover.been_cm
+        ends = np.array(mover.origin_cm) + np.array([[low], [high]]) * mover.ahead
+        row0, col0 = self.cell_of(*(ends.min(axis=0) - mover.half_cm))
+        row1, col1 = self.cell_of(*(ends.max(axis=0) + mover.half_cm))
+        window = slice(row0, row1 + 1), slice(col0, col1 + 1)
+        x, z = np.meshgrid(self.centres_cm[window[1]], self.centres_cm[window[0]])
+        on, off = mover.along(x, z)
+        now_low, now_high = mover.reach(np.array([t_s]))
+        passed = (np.abs(off) < mover.half_cm - self.config.cell_cm / 2) & (on > low) & (on < high)
+        passed &= (on < now_low - mover.half_cm) | (on > now_high + mover.half_cm)
+        seen = [mover.along(one.x_cm, one.z_cm)[0] for one in mover.sights if t_s - one.t_s < PASSED_S]
+        just = (on > min(seen)) & (on < max(seen)) if seen else np.zeros_like(passed)
+        evidence = self.evidence[window]
+        evidence[passed & (self.brief[window] | just) & (evidence > LEFT)] = LEFT
 
     def keep_movers(self, before: ObstacleMap) -> None:
         """What moved before all else was forgotten does so still."""

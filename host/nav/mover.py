@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -31,11 +32,14 @@ SURE_SIGMAS = 2.0  # besides what follows from the fit of its motion, to so many
 SIGHT_CM = 3.0  # a sight is worth this: the errors of neighbouring ones are alike
 SPEED_SHARE = 0.2  # before a motion is fitted its speed is known to this part of it,
 DOUBT_CM = 10.0  # and where it turns round to this
-MISFIT_CM = 5.0  # rms of the sights about a motion, above which the older ones were of another
+MISFIT_CM = 5.0  # of the middle one of the sights off a motion, above which the older ones were of another
+RECENT_S, LEAST_RECENT = 1.0, 4  # or of so many of the newest
+STRAYS = 2  # so many of the farthest sights may be of something else
 GUESSED_CM = 90.0  # where it turned out of sight is believed up to so far beyond where it has been
 UNKNOWN_CM_S = 20.0  # as fast may go what was hardly seen to go at all
 BEYOND_CM = 80.0  # so far beyond where it has been it may go
 SEEN_BESIDE = 0.1  # x/z: its shadow, and what the net makes one region with it
+MISSED = 4  # pictures without it where it should be, and it is elsewhere
 OFTEN = 10  # even motions seen, until nobody doubts it
 REMEMBERED_S = 32.0  # out of sight, it is reckoned with for so long
 BRIEFLY_S = 3.0  # if that was seen only a few times,
@@ -71,6 +75,7 @@ class Mover:
     doubt : (4, 4) covariance of place, speed and ends
     seen : even motions that were seen
     since_s : its motion is fitted to the sights from then on
+    missed : pictures one after the other in which it was not where it should have been seen
     """
 
     region: int
@@ -86,12 +91,23 @@ class Mover:
     high_cm: float | None = None
     seen: int = 1
     since_s: float = -math.inf
+    missed: int = 0
     doubt: np.ndarray = field(default_factory=lambda: np.diag([4.0, 9.0, 100.0, 100.0]), compare=False)
 
     @property
     def certain(self) -> bool:
         """It was seen to move so often that nobody doubts it."""
         return self.seen >= OFTEN
+
+    @property
+    def understood(self) -> bool:
+        """It was seen to go far: what fits it badly is something else, or badly seen."""
+        return self.certain and self.been_cm[1] - self.been_cm[0] > LONG_CM
+
+    @property
+    def lost(self) -> bool:
+        """It is not where it should be: nobody knows where on its line it is."""
+        return self.missed >= MISSED
 
     @property
     def lasts_s(self) -> float:
@@ -122,8 +138,8 @@ class Mover:
             high + (END_CM if self.high_cm is not None else BEYOND_CM),
         )
 
-    def along(self, x_cm: float, z_cm: float) -> tuple[float, float]:
-        """(along the line, beside it) of a place."""
+    def along(self, x_cm: Any, z_cm: Any) -> tuple[Any, Any]:
+        """(along the line, beside it) of a place, or of many."""
         dx, dz = x_cm - self.origin_cm[0], z_cm - self.origin_cm[1]
         return dx * self.ahead[0] + dz * self.ahead[1], dx * self.ahead[1] - dz * self.ahead[0]
 
@@ -145,6 +161,9 @@ class Mover:
 
     def reach(self, t_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Between where and where on its line it can be at times from now on."""
+        if self.lost:
+            low_cm, high_cm = self.extent_cm
+            return np.full(len(t_s), low_cm), np.full(len(t_s), high_cm)
         straight = abs(self.speed_cm_s) * np.maximum(t_s - self.t_s, 0.0)
         spread = SPREAD_CM + SURE_SIGMAS * self.sigma_cm(t_s)
         if self.been_cm[1] - self.been_cm[0] < LONG_CM:  # nobody knows yet how fast, nor which way
@@ -209,16 +228,30 @@ class Mover:
         """With a new sight of it, and if known whether it goes against the line's direction."""
         at = self.along(sight.x_cm, sight.z_cm)[0]
         since = sight.t_s - self.t_s
-        mover = replace(self, region=region, t_s=sight.t_s)
+        mover = replace(self, region=region, t_s=sight.t_s, missed=0)
         if half_cm is not None:
             mover = replace(mover, half_cm=self.half_cm + (half_cm - self.half_cm) / min(self.seen + 1, 10))
-        mover = mover._turned(self, at, since, back)
+        if self.lost:  # it goes on its line as before, but was elsewhere
+            speed = math.copysign(self.speed_cm_s, -1.0 if back else 1.0)
+            mover = replace(mover, at_cm=at, speed_cm_s=speed, leg=(sight.t_s, at), since_s=sight.t_s)
+        elif self.understood and self.low_cm is not None and self.high_cm is not None:
+            mover = mover._onwards(self, at)
+        else:
+            mover = mover._turned(self, at, since, back)
         if (
             math.dist((self.sights[-1].x_cm, self.sights[-1].z_cm), (sight.x_cm, sight.z_cm))
             > PLACES_APART_CM
         ):
             mover = replace(mover, sights=(*mover.sights[-MOST_PLACES:], sight))
         return mover._on_its_line(sight)
+
+    def _onwards(self, before: Mover, at: float) -> Mover:
+        """Where it is now, if it goes on as it always did: one strange sight proves nothing else."""
+        back = _is_back(before, self.t_s)
+        leg = before.leg if back == (before.speed_cm_s < 0) else (self.t_s, at)
+        return replace(
+            self, at_cm=at, speed_cm_s=math.copysign(before.speed_cm_s, -1.0 if back else 1.0), leg=leg
+        )
 
     def _turned(self, before: Mover, at: float, since: float, back: bool | None) -> Mover:
         """Where it is now, whether it has turned round meanwhile, and where that was."""
@@ -267,19 +300,29 @@ class Mover:
         shape = before.copy()
         for _ in range(ROUNDS):
             slope = _slopes(times, shape)
-            normal = slope.T @ slope / SIGHT_CM**2 + prior
+            away = places - _wave(times, shape)
+            weight = 1.0 / (1.0 + (away / (2 * SIGHT_CM)) ** 2) / SIGHT_CM**2  # a few may go astray
+            normal = slope.T @ (weight[:, None] * slope) + prior
             off = np.where(unknown, 0.0, np.nan_to_num(before) - np.nan_to_num(shape))
-            step = np.linalg.solve(
-                normal, slope.T @ (places - _wave(times, shape)) / SIGHT_CM**2 + prior @ off
-            )
+            step = np.linalg.solve(normal, slope.T @ (weight * away) + prior @ off)
             shape = np.where(unknown, shape, shape + step)
-        rms = float(np.sqrt(((places - _wave(times, shape)) ** 2).mean()))
+        away = np.abs(places - _wave(times, shape))
+        now = times > -RECENT_S
+        misfits = float(np.median(away)) > MISFIT_CM
+        strays = now.sum() >= LEAST_RECENT and float(np.median(away[now])) > MISFIT_CM
         turned = shape[1] * before[1] <= 0.0
-        if rms > MISFIT_CM or turned or shape[3] - shape[2] < LEAST_SPAN_CM:
-            if self.since_s < self.leg[0]:
-                return replace(self, since_s=self.leg[0], low_cm=None, high_cm=None)._fitted()
+        if misfits or strays or turned or shape[3] - shape[2] < LEAST_SPAN_CM:
+            since_s = self.t_s - RECENT_S if strays else self.leg[0]
+            if self.since_s < since_s:
+                way = places[-1] - places[int(now.argmax())] if strays else before[1]
+                speed = math.copysign(self.speed_cm_s, way)
+                return replace(self, since_s=since_s, speed_cm_s=speed, low_cm=None, high_cm=None)._fitted()
             return self
         low, high = (None if gone else float(end) for gone, end in zip(unknown[2:], shape[2:], strict=True))
+        been = np.sort([self.along(one.x_cm, one.z_cm)[0] for one in self.sights])
+        if len(been) > 2 * STRAYS:  # who has gone farther may do so again
+            low = None if low is not None and low > been[STRAYS] + DOUBT_CM else low
+            high = None if high is not None and high < been[-1 - STRAYS] - DOUBT_CM else high
         return replace(
             self,
             at_cm=float(shape[0]),

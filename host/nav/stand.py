@@ -117,6 +117,19 @@ class Feet:
         """Width of what spans these columns at a depth."""
         return float(self.across[columns[-1]] - self.across[columns[0]]) * depth_cm
 
+    def seen_free(self, places: np.ndarray, half_cm: float) -> np.ndarray:
+        """(N,) bool, whether floor is seen at places (N, 2) = (x, z) and half so wide on both sides."""
+        rel = places - self._from
+        ahead = rel @ self._ahead
+        aside = rel @ (self._ahead[1], -self._ahead[0])
+        seen = ahead - half_cm > self.nearest_cm
+        for k in np.flatnonzero(seen):
+            edges = (aside[k] - half_cm) / ahead[k], (aside[k] + half_cm) / ahead[k]
+            left, right = np.searchsorted(self.across, edges)
+            inside = left > 0 and right < len(self.across)
+            seen[k] = inside and bool((self.free_cm[left : right + 1] > ahead[k]).all())
+        return seen
+
     def point(self, column: int, depth_cm: float) -> tuple[float, float]:
         """(x, z) in the odometry frame of a depth in a column."""
         side = float(self.across[column]) * depth_cm

@@ -19,7 +19,6 @@ from host.nav.crossing import Crossing, best_crossing
 from host.nav.map import FREE, LOOKED, OCCUPIED, Obstacle, ObstacleMap
 from host.nav.odometry import body_of
 from host.nav.plan import Room, Way, at_points, find_way, room_around, tightest
-from host.nav.stand import AT_BORDER
 from host.nav.yielding import BACK_CM_S, BERTH_CM, CROSSING_BERTH_CM, Course, Verdict, judge, unknown_mover
 from host.pose import Pose, wrap
 
@@ -154,6 +153,7 @@ class Ahead:
     cell_cm: tuple[float, float] | None = None  # where, (x, z)
     edge: bool = False  # it would come to the edge of the map first
     sigma_cm: float = 0.0  # of the room, as far as the obstacle's place is in doubt
+    brief: bool = False  # it moves, or stands somewhere below the picture
 
     def __str__(self) -> str:
         return "the edge of the map" if self.edge else str(self.obstacle or "something remembered")
@@ -185,15 +185,16 @@ def look_ahead(
         half_cell,
         reach_cm,
     )
-    obstacle, cell = None, None
+    obstacle, cell, brief = None, None, False
     if row >= 0:
+        brief = bool(obstacle_map.brief[row, col])
         obstacle, cell = obstacle_map.obstacle_at(row, col), obstacle_map.point_of(row, col)
     to_edge = _room_on_map(obstacle_map, x, z, heading)
     unseen = max(0.0, min(unseen, to_edge))
     if to_edge < room:
         return Ahead(to_edge, unseen, blind, None, None, edge=True)
     sigma = 0.0 if obstacle is None else obstacle.sigma_cm
-    return Ahead(room, unseen, blind, obstacle, cell, sigma_cm=sigma)
+    return Ahead(room, unseen, blind, obstacle, cell, sigma_cm=sigma, brief=brief)
 
 
 def _room_on_map(obstacle_map: ObstacleMap, x: float, z: float, heading: float) -> float:
@@ -225,8 +226,7 @@ def decide(
         return Command(0.0, 0.0, f"goal reached, {to_goal:.0f} cm off", "goal"), plan
 
     points = _meant(plan, (x, z), goal_cm) if plan.cross is None else (plan.cross.aim,)
-    across = plan.cross is not None and plan.cross.under_way
-    held, wait = give_way(plan.wait, obstacle_map, camera, plan.v_cm_s, points, across)
+    held, wait = give_way(plan.wait, obstacle_map, camera, plan.v_cm_s, points, plan.cross)
     plan = replace(plan, wait=wait, v_cm_s=0.0)
     if held.command is not None:
         v_cm_s = held.command.v_mm_s / 10
@@ -289,10 +289,9 @@ def _go(
     piece_from = plan.piece_from or (x, z)
     plan = replace(plan, piece_from=piece_from)
     ahead = look_ahead(obstacle_map, x, z, heading)
-    if plan.cross is not None and plan.cross.under_way:
-        ahead = replace(ahead, blind_cm=math.inf)  # it looked across all the while it waited
-        if _is_below(ahead):
-            ahead = replace(ahead, sigma_cm=0.0)  # floor that was free: it is what moves; no time to doubt
+    if plan.cross is not None and plan.cross.under_way:  # it looked across all the while it waited
+        sigma = 0.0 if ahead.brief else ahead.sigma_cm
+        ahead = replace(ahead, blind_cm=math.inf, unseen_cm=ahead.room_cm, sigma_cm=sigma)
     v, reason = speed_ahead(ahead, obstacle_map)
     if _is_blind(ahead, config) or (turning and ahead.blind_cm < min(ahead.room_cm, GLANCE_FROM_CM)):
         looking = replace(plan, glance=Glance(here, heading, 0.0))
@@ -396,7 +395,7 @@ def give_way(
     camera: Pose,
     v_cm_s: float,
     points: tuple[tuple[float, float], ...],
-    across: bool = False,
+    cross: Cross | None = None,
 ) -> tuple[Held, Wait | None]:
     """What is left to do while something moves: all, to go up to its line, to stand, or to get out of it.
 
@@ -407,7 +406,7 @@ def give_way(
     wait : what the last call left behind.
     v_cm_s : forward speed that was told last.
     points : (x, z) that the robot means to pass.
-    across : it is on its way across the line of something that moves, over floor that was seen to be free.
+    cross : where it means to cross the line of something that moves, over floor that was seen to be free.
     """
     body, config, t_s = obstacle_map.body, obstacle_map.config, camera.t_s
     x, z, heading = body_of(camera, body.camera_ahead_cm)
@@ -415,13 +414,14 @@ def give_way(
     if movers:
         ahead = look_ahead(obstacle_map, x, z, heading)
         behind = look_ahead(obstacle_map, x, z, wrap(heading + math.pi))
-        passing = ahead.obstacle is not None and (ahead.obstacle.moving or (across and _is_below(ahead)))
+        crosses = cross is not None and (cross.there or cross.under_way)
+        passing = ahead.obstacle is not None and (ahead.obstacle.moving or (crosses and ahead.brief))
         open_ahead = passing or (ahead.obstacle is None and not ahead.edge)
         room = math.inf if open_ahead else ahead.room_cm - config.clearance_cm
         back = min(behind.room_cm, behind.unseen_cm) - config.clearance_cm
-        sure = min(ahead.unseen_cm, ahead.room_cm - SURE_SIGMAS * ahead.sigma_cm)
-        fast = math.inf if passing else sure  # beyond that it creeps; what passes goes over floor
-        berth = CROSSING_BERTH_CM if across else BERTH_CM
+        sure = ahead.room_cm - SURE_SIGMAS * ahead.sigma_cm
+        fast = math.inf if passing else sure if crosses else min(sure, ahead.unseen_cm)  # beyond, it creeps
+        berth = CROSSING_BERTH_CM if cross is not None and cross.under_way else BERTH_CM
         course = Course((x, z), heading, v_cm_s, points, room, fast, back, berth)
         verdict = judge(movers, course, body, config, t_s)
         if verdict is not None:
@@ -529,11 +529,6 @@ def _watch(held: Held, heading: float, across: float, obstacle_map: ObstacleMap)
         omega = min(obstacle_map.config.turn_rad_s, max(SLOWEST_TURN_RAD_S, 1.5 * abs(off)))
         return Command(0.0, math.copysign(omega, off), f"turn to watch {thing}, giving way")
     return Command(0.0, 0.0, f"stop: {thing} crosses ahead, giving way")
-
-
-def _is_below(ahead: Ahead) -> bool:
-    """Whether what is ahead stands somewhere below the picture."""
-    return ahead.obstacle is not None and ahead.obstacle.how == AT_BORDER
 
 
 def up_to(held: Held, config: NavConfig, v_cm_s: float, reason: str) -> tuple[float, str]:

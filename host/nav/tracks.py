@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -44,6 +45,9 @@ BESIDE_CM = 25.0  # the same mover comes back on its line, off by so much
 LIKE_RAD = math.radians(35)
 STILL_CM = 2.5  # who goes no farther across the view in ALONG_S stands
 LONG_HELD_S = 6.0
+UNSEEN_S = 0.25  # so long after it was last seen it is looked for
+PLACES = 6  # of those where it can be
+GONE_S = 1.5  # who was last seen so long ago may be who is seen now
 HELD_S = 1.0  # a region that moved still does, so long after that was last seen
 
 
@@ -110,6 +114,10 @@ class Tracks:
         self._seen = {k: seen for k, seen in self._seen.items() if t_s - seen[-1].t_s < OVER_S}
         self._known.forget(t_s)
 
+    def look_for(self, feet: Feet, t_s: float) -> None:
+        """What is out of sight: whether it is where it should be."""
+        self._known.look_for(t_s, feet.seen_free)
+
     def _see_on_line(self, region: int, feet: Feet, t_s: float) -> None:
         """Something whose foot is below the picture, on a line that is known, where the mover should be."""
         columns = feet.columns_of(region)[1]
@@ -167,13 +175,18 @@ class Movers:
                 and abs(cosine) > math.cos(LIKE_RAD)
                 and low[0] - BESIDE_CM < at < high[0] + BESIDE_CM
             )
-            if not same and not (mover.region == region and place.t_s - mover.t_s < 0.5):
-                continue
-            self._all[k] = replace(mover.told(place, region, half_cm, cosine < 0), seen=mover.seen + 1)
-            return
+            if same or (not mover.understood and mover.region == region and place.t_s - mover.t_s < 0.5):
+                now = replace(mover.told(place, region, half_cm, cosine < 0), seen=mover.seen + 1)
+                self._all[k] = now
+                self._all = [one for one in self._all if one is now or not _replaces(now, one)]
+                return
+            there = abs(beside) < ABOUT_CM and low[0] - ABOUT_CM < at < high[0] + ABOUT_CM
+            if there and mover.understood and not mover.lost:  # coming into view it seems to go elsewhere
+                self._all[k] = mover.told(place, region, None)
+                return
         ahead = velocity[0] / speed, velocity[1] / speed
         at = (place.x_cm, place.z_cm)
-        old = next((one for one in self._all if one.region == region), None)
+        old = next((one for one in self._all if one.region == region and not one.understood), None)
         if old is not None:  # on another line than it seemed
             self._all.remove(old)
         sights = (*(() if old is None else old.sights), place)
@@ -190,27 +203,54 @@ class Movers:
             if mover.region == region and place.t_s - mover.t_s < HELD_S:
                 at, beside = mover.along(place.x_cm, place.z_cm)
                 low, high = mover.reach(np.array([place.t_s]))
-                if abs(beside) < BESIDE_CM and low[0] - ABOUT_CM < at < high[0] + ABOUT_CM:
+                there = abs(beside) < BESIDE_CM and low[0] - ABOUT_CM < at < high[0] + ABOUT_CM
+                if there and not mover.lost:
                     self._all[k] = mover.told(place, region, None)
-                return
+                    return
 
     def seen_on_line(self, mover: Mover, region: int, place: Sight) -> None:
         """A mover was seen where only the direction to it is known, and that it is on its line."""
         now = np.array([place.t_s])
         off = abs(mover.along(place.x_cm, place.z_cm)[0] - float(mover.place(now)[0]))
-        if place.t_s - mover.t_s < HELD_S and off > TURNED_CM:  # too badly seen to tell that it turned
+        if mover.lost or off > TURNED_CM + float(mover.sigma_cm(now)[0]):  # too badly seen to tell more
             return
         k = next(k for k, one in enumerate(self._all) if one is mover)
         self._all[k] = mover.told(place, region, None)
 
     def drop(self, region: int) -> None:
         """It stands."""
-        self._all = [m for m in self._all if m.region != region or self._t_s - m.t_s > HELD_S]
+        self._all = [m for m in self._all if m.region != region or m.understood or self._t_s - m.t_s > HELD_S]
+
+    def look_for(self, t_s: float, seen_free: Callable[[np.ndarray, float], np.ndarray]) -> None:
+        """Where what is out of sight should be, is it there?
+
+        Parameters
+        ----------
+        seen_free : whether at places (N, 2) = (x, z), and so far to both sides, floor is seen, (N,) bool.
+        """
+        for k, mover in enumerate(self._all):
+            if not mover.understood or mover.lost or t_s - mover.t_s < UNSEEN_S:
+                continue
+            low, high = mover.reach(np.array([t_s]))
+            on = np.linspace(low[0], high[0], PLACES)
+            places = np.array(mover.origin_cm) + on[:, None] * np.array(mover.ahead)
+            missed = mover.missed + 1 if seen_free(places, mover.half_cm).all() else 0
+            if missed != mover.missed:
+                self._all[k] = replace(mover, missed=missed)
 
     def forget(self, t_s: float) -> None:
         """What was not seen for a while."""
         self._t_s = t_s
         self._all = [m for m in self._all if t_s - m.t_s < (LINE_S if m.seen >= CONFIRMED else 1.0)]
+
+
+def _replaces(now: Mover, old: Mover) -> bool:
+    """Whether what was lately seen so often is what was long ago seen on the same line."""
+    at, beside = old.along(*now.origin_cm)
+    cosine = abs(now.ahead[0] * old.ahead[0] + now.ahead[1] * old.ahead[1])
+    low, high = old.extent_cm
+    alike = cosine > math.cos(LIKE_RAD) and abs(beside) < BESIDE_CM and low < at < high
+    return now.understood and alike and now.t_s - old.t_s > GONE_S
 
 
 def _disc(sight: _Sight, known_half_cm: float) -> tuple[Sight, float]:

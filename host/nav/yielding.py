@@ -21,7 +21,7 @@ FORESIGHT_S = 8.0
 LEAVE_S = 5.0  # who stands in a line looks so far ahead
 STEP_S = 0.2
 BERTH_CM = 4.0  # the rim keeps this far from where it can be
-CROSSING_BERTH_CM = 0.0  # once it is on its way across
+CROSSING_BERTH_CM = 1.0  # once it is on its way across
 ON_LINE_CM = 3.0  # who is nearer to where it may ever come stands in its line
 WAIT_CM = 45.0  # it waits with its rim this far off: there it sees the feet of what comes
 GAIN_CM_S2 = 40.0  # the robot gains speed like this
@@ -176,6 +176,8 @@ def unknown_mover(
     nearest, thing = WATCH_CM, None
     for one in obstacles:
         if not one.moving or t_s - one.t_s > BELIEVED_S or one.region in tracked:
+            continue
+        if movers and one.velocity_cm_s is not None:  # it is one of them, below the picture
             continue
         left, right = np.array(one.left_cm), np.array(one.right_cm)
         middle = (left + right) / 2 - here

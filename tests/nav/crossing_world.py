@@ -49,6 +49,7 @@ class CrossingWorld:
 
     seed: int
     corridor: bool = False
+    rough: bool = False  # with the mistakes that a net makes
 
     def __post_init__(self) -> None:
         rng = self.rng = np.random.default_rng(self.seed)
@@ -68,6 +69,10 @@ class CrossingWorld:
         self.map.evidence[:, np.abs(self.map.centres_cm) > self.half_width] = 4.0
         self.movers = Movers()
         self._places: list[tuple[float, float, float]] = []
+        self.mistakes = np.random.default_rng(self.seed + 7000)
+        self._name, self._next_s = MOVER, self.mistakes.exponential(4.0)
+        self._gap_until_s = self._false_until_s = -math.inf
+        self._false_x = 0.0
 
     def mover_at(self, t_s: float) -> np.ndarray:
         """Where its middle is, x and z."""
@@ -124,6 +129,38 @@ class CrossingWorld:
 
     def _see(self, t_s: float) -> None:
         self.movers.forget(t_s)
+        if self.rough:
+            self._mistake(t_s)
+        if t_s >= self._gap_until_s:
+            self._see_mover(t_s)
+        self.movers.look_for(t_s, lambda places, half_cm: self._seen_free(t_s, places, half_cm))
+
+    def _mistake(self, t_s: float) -> None:
+        """Now and then the net loses it, calls it something else, and its old name something that stands."""
+        rng = self.mistakes
+        if t_s > self._next_s:
+            self._next_s = t_s + rng.exponential(4.0)
+            self._gap_until_s = t_s + 0.4
+            self._false_until_s = t_s + (0.6 if rng.random() < 0.5 else 0.0)
+            self._false_x, self._name, self._places = rng.uniform(-25, 25), self._name + 1, []
+        eye, ahead = self._eye(), np.array([math.sin(self.heading), math.cos(self.heading)])
+        rel = np.array([self._false_x, self.line_z]) - eye
+        away, forward = float(np.hypot(*rel)), float(rel @ ahead)
+        if t_s < self._false_until_s and 0.87 * away < forward and 40.0 < forward < FARTHEST_CM:
+            ray = float(rel[0]) / away, float(rel[1]) / away
+            place = Sight(t_s, self._false_x, self.line_z + float(rng.normal(0, 3)), ray, away)
+            self.movers.glimpse(self._name - 1, place)
+
+    def _seen_free(self, t_s: float, places: np.ndarray, half_cm: float) -> np.ndarray:
+        """Where nothing would stand in the view of what is there, and it is not there."""
+        ahead = np.array([math.sin(self.heading), math.cos(self.heading)])
+        rel = places - self._eye()
+        forward, aside = rel @ ahead, np.abs(rel @ (ahead[1], -ahead[0]))
+        seen = (forward - half_cm > NEAREST_CM) & (forward < FARTHEST_CM)
+        seen &= (aside + half_cm) < VIEW * forward
+        return seen & (np.hypot(*(places - self.mover_at(t_s)).T) > half_cm + self.radius)
+
+    def _see_mover(self, t_s: float) -> None:
         eye, ahead = self._eye(), np.array([math.sin(self.heading), math.cos(self.heading)])
         across = np.array([ahead[1], -ahead[0]])
         rel = self.mover_at(t_s) - eye
@@ -146,9 +183,9 @@ class CrossingWorld:
         self._places.append((t_s, float(x), float(z)))
         velocity = self._velocity(seen_cm, across, whole)
         if velocity is None:
-            self.movers.glimpse(MOVER, sight)
+            self.movers.glimpse(self._name, sight)
         else:
-            self.movers.note(MOVER, sight, velocity, self.radius)
+            self.movers.note(self._name, sight, velocity, self.radius)
 
     def _velocity(self, seen_cm: float, across: np.ndarray, whole: bool) -> tuple[float, float] | None:
         """What edges that are seen tell; one alone only what goes far."""

@@ -97,3 +97,50 @@ def test_the_part_of_the_picture_where_it_may_be_is_told():
     low, high = seen_now
     assert low < true_x(until) / LINE_Z < high and high - low < 0.6
     assert mover.seen_between(Pose.planar(0, 0, math.pi, t_s=until)) is None
+
+
+def test_what_seems_to_go_elsewhere_as_it_comes_into_view_keeps_the_motion_that_foretold_the_place():
+    until = 22.0
+    movers = seen(until, -30, 20)
+    back = next(t for t in np.arange(until + 0.5, until + 12, 1 / 15) if -30 < true_x(t) < -25)
+    movers.forget(back)
+    place = Sight(back, true_x(back), LINE_Z - 3, (-0.26, 0.97), LINE_Z)
+    movers.note(3, place, (9.0, -12.0), 8.0)  # half of it is outside the picture
+    (mover,) = movers.sure
+    assert mover.low_cm is not None and mover.high_cm is not None
+    assert x_of(mover, float(mover.place(np.array([back + 5.0]))[0])) == pytest.approx(
+        true_x(back + 5.0), abs=5.0
+    )
+
+
+def test_one_region_that_wanders_off_as_it_leaves_the_view_spoils_nothing_that_was_known():
+    until = 22.0
+    movers = seen(until, -30, 20)
+    (before,) = movers.sure
+    for k in range(12):  # the net calls a part of the wall by its name
+        movers.note(3, Sight(until, -60.0, 130.0 + k, (-0.42, 0.9), 140.0), (-7.0, 21.0), 8.0)
+    assert before in movers.sure
+
+
+def test_what_is_not_where_it_should_be_may_be_anywhere_until_it_is_seen_to_go_again():
+    until = 22.0
+    movers = seen(until, -60, 60)
+    for k in range(12):
+        t_s = until + k / 15
+        movers.forget(t_s)
+        movers.look_for(t_s, lambda places, half_cm: np.ones(len(places), bool))
+    (mover,) = movers.sure
+    low, high = mover.reach(np.array([until + 1.0]))
+    assert mover.lost and high[0] - low[0] > HIGH - LOW
+    movers.note(3, Sight(until + 1.0, 0.0, LINE_Z, (0.0, 1.0), LINE_Z), (-SPEED, 0.0), 8.0)
+    (mover,) = movers.sure
+    assert not mover.lost
+    assert x_of(mover, float(mover.place(np.array([until + 2.0]))[0])) == pytest.approx(-SPEED, abs=4.0)
+
+
+def test_what_hides_behind_something_is_where_it_should_be():
+    until = 22.0
+    movers = seen(until, -60, 60)
+    for k in range(12):
+        movers.look_for(until + k / 15, lambda places, half_cm: np.zeros(len(places), bool))
+    assert not movers.sure[0].lost
