@@ -67,9 +67,20 @@ def fill(
     step: float,
     none: int,
 ) -> np.ndarray: ...
-def first_other(
-    labels: np.ndarray, ground: np.ndarray, foot: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]: ...
+def feet(
+    labels: np.ndarray,
+    slopes: np.ndarray,
+    ids: np.ndarray,
+    nothing: int,
+    ground: np.ndarray,
+    foot: np.ndarray,
+    height_cm: float,
+    farthest_cm: float,
+    sigma_slope: float,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]: ...
+def totals(
+    running: np.ndarray, starts: np.ndarray, ends: np.ndarray, owner: np.ndarray, kinds: int
+) -> np.ndarray: ...
 def colour_steps(colours: np.ndarray, window: int, light: float) -> np.ndarray: ...
 def agreed(foot: np.ndarray, found: np.ndarray, search: int, agree_px: float) -> np.ndarray: ...
 def meet(

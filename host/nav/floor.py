@@ -106,7 +106,7 @@ class FloorFinder:
         proven = [self._votes.get(i, 0.0) > 0.4 and i not in self._mixed for i in ids]
         sure = np.array(proven)[picture.labels[:, 0]]
         if self._mixed:
-            horizon = (picture.rays.down > self._height_cm / FARTHEST_CM).sum(axis=1)
+            horizon = picture.rays.steeper(self._height_cm / FARTHEST_CM)
             mine = np.array([i in self._mixed for i in ids])[picture.labels]
             ends = np.where(mine.all(axis=1), mine.shape[1], mine.argmin(axis=1))
             self.foot = find_foot(strips, mine, np.minimum(horizon, ends - OUTLINE_PX - WINDOW))

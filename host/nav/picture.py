@@ -26,6 +26,7 @@ class Rays:
     across: np.ndarray  # (W / 2,) X/Z of the column
     down: np.ndarray  # (W / 2, H / 2) Y/Z, lowest pixel first
     _flatter: dict[float, np.ndarray] = field(default_factory=dict, repr=False)
+    _steeper: dict[float, np.ndarray] = field(default_factory=dict, repr=False)
 
     @cached_property
     def reach(self) -> np.ndarray:
@@ -40,8 +41,14 @@ class Rays:
     def flatter(self, slope: float) -> np.ndarray:
         """(W / 2 * H / 2 + 1,) running count of pixels that look down less than a slope."""
         if slope not in self._flatter:
-            self._flatter[slope] = np.concatenate([[0], np.cumsum(self.down < slope)])
+            self._flatter[slope] = np.concatenate([[0.0], np.cumsum(self.down < slope)])
         return self._flatter[slope]
+
+    def steeper(self, slope: float) -> np.ndarray:
+        """(W / 2,) how many pixels of each column look down more than a slope."""
+        if slope not in self._steeper:
+            self._steeper[slope] = (self.down > slope).sum(axis=1)
+        return self._steeper[slope]
 
 
 @lru_cache(maxsize=2)
@@ -102,7 +109,7 @@ class Picture:
 
     def total(self, running: np.ndarray) -> np.ndarray:
         """(K + 1,) of what a running sum over all pixels says of each region's."""
-        return np.bincount(self._owner, running[self._ends] - running[self._starts], len(self.ids))
+        return _nav.totals(running, self._starts, self._ends, self._owner, len(self.ids))
 
     def columns_of(self, region: int) -> np.ndarray:
         """Columns in which a region is seen."""

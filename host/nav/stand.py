@@ -87,22 +87,21 @@ class Feet:
     """
 
     def __init__(self, picture: Picture, floor: FloorFinder, pose: Pose, height_cm: float) -> None:
-        labels, rays = picture.labels, picture.rays
-        column = np.arange(len(labels))
+        rays = picture.rays
         self.across, self.height_cm = rays.across, height_cm
         ids = picture.ids.tolist()
         ground = [MIXED if floor.is_mixed(i) else i == NO_REGION or floor.is_floor(i) for i in ids]
-        row, open_ended, sure_row = _nav.first_other(labels, np.array(ground, np.uint8), floor.foot)
-        self.cut = (row == 0) & ~open_ended
-        self.region = np.where(open_ended, NO_REGION, picture.ids[labels[column, row]])
-        # the foot's ray passes between the foot's pixel and the floor's pixel below it
-        slope = 0.5 * (rays.down[column, row] + rays.down[column, np.maximum(row - 1, 0)])
-        self.depth_cm = np.minimum(height_cm / np.maximum(slope, 1e-6), FARTHEST_CM)
-        self.slope = height_cm / self.depth_cm
-        self.sure = sure_row == row
-        slope = np.maximum(rays.down[column, np.maximum(sure_row - 1, 0)], 1e-6)
-        self.floor_cm = np.minimum(height_cm / slope, FARTHEST_CM)
-        self.free_cm = self.floor_cm - 2 * self.floor_cm**2 / height_cm * SIGMA_RAY
+        self.region, self.cut, self.slope, self.depth_cm, self.sure, self.floor_cm, self.free_cm = _nav.feet(
+            picture.labels,
+            rays.down,
+            picture.ids,
+            NO_REGION,
+            np.array(ground, np.uint8),
+            floor.foot,
+            height_cm,
+            FARTHEST_CM,
+            SIGMA_RAY,
+        )
         self.nearest_cm = height_cm / rays.steepest
         heading = heading_of(pose)
         self._ahead = math.sin(heading), math.cos(heading)

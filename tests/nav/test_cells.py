@@ -64,14 +64,22 @@ def test_the_first_thing_above_the_floor_is_found_in_each_column_with_a_known_fo
     rng = np.random.default_rng(seed)
     labels = patches(rng, (40, 30), 6).astype(np.uint16)
     ground, foot = rng.integers(0, 3, 6).astype(np.uint8), rng.integers(-1, 30, 40)
-    row, open_ended, sure_row = _nav.first_other(labels, ground, foot)
+    slopes, ids = rng.uniform(-0.1, 1.0, (40, 30)), rng.permutation(100)[:6]
+    kind, cut, slope, depth, sure, floor, free = _nav.feet(
+        labels, slopes, ids, -1, ground, foot, 20.0, 500.0, 0.01
+    )
     for c in range(40):
         kinds = ground[labels[c]]
         surely = (kinds == 1) | ((kinds == 2) & (np.arange(30) < foot[c]))
         passable = surely | ((kinds == 2) & (foot[c] < 0))
-        assert open_ended[c] == passable.all()
-        assert row[c] == (29 if passable.all() else passable.argmin())
-        assert sure_row[c] == (29 if surely.all() else surely.argmin())
+        row = 29 if passable.all() else passable.argmin()
+        sure_row = 29 if surely.all() else surely.argmin()
+        assert kind[c] == (-1 if passable.all() else ids[labels[c, row]])
+        assert cut[c] == (row == 0 and not passable.all()) and sure[c] == (row == sure_row)
+        between = (slopes[c, row] + slopes[c, max(row - 1, 0)]) / 2
+        assert depth[c] == pytest.approx(min(20 / max(between, 1e-6), 500)) == 20 / slope[c]
+        assert floor[c] == pytest.approx(min(20 / max(slopes[c, max(sure_row - 1, 0)], 1e-6), 500))
+        assert free[c] == pytest.approx(floor[c] - 2 * 0.01 * floor[c] ** 2 / 20)
 
 
 @pytest.mark.parametrize("seed", SEEDS)

@@ -70,16 +70,35 @@ nb::object fill(const Image<double>& points, const Row<std::int64_t>& lengths, c
     return to_array<std::uint16_t>(nav::fill(outlines, rows, cols, step, none), {rows, cols});
 }
 
-nb::tuple first_other(const Image<std::uint16_t>& labels, const Row<std::uint8_t>& ground,
-                      const Row<std::int64_t>& foot) {
+nb::tuple feet(const Image<std::uint16_t>& labels, const Image<double>& slopes, const Row<std::int64_t>& ids,
+               std::int64_t nothing, const Row<std::uint8_t>& ground, const Row<std::int64_t>& foot, double height_cm,
+               double farthest_cm, double sigma_slope) {
     const std::size_t cols = labels.shape(0), rows = labels.shape(1);
     require(rows > 0 && foot.shape(0) == cols, "one foot for every column");
-    std::uint16_t last = 0;
-    for (std::size_t k = 0; k < cols * rows; ++k) last = std::max(last, labels.data()[k]);
-    require(last < ground.shape(0), "of every kind whether it is floor");
-    const nav::FirstOther found = nav::first_other(labels.data(), cols, rows, ground.data(), foot.data());
-    return nb::make_tuple(to_array<std::int64_t>(found.row, {cols}), to_array<bool>(found.open_ended, {cols}),
-                          to_array<std::int64_t>(found.sure_row, {cols}));
+    require(slopes.shape(0) == cols && slopes.shape(1) == rows, "one ray for every pixel");
+    require(ground.shape(0) == ids.shape(0), "of every kind its id and whether it is floor");
+    require(*std::max_element(labels.data(), labels.data() + cols * rows) < ids.shape(0), "an id of every kind");
+    const nav::FirstOther first = nav::first_other(labels.data(), cols, rows, ground.data(), foot.data());
+    const nav::Feet f = nav::feet_of(first, labels.data(), slopes.data(), rows, ids.data(), nothing,
+                                     {height_cm, farthest_cm, sigma_slope});
+    return nb::make_tuple(to_array<std::int64_t>(f.kind, {cols}), to_array<bool>(f.cut, {cols}),
+                          to_array<double>(f.slope, {cols}), to_array<double>(f.depth_cm, {cols}),
+                          to_array<bool>(f.sure, {cols}), to_array<double>(f.floor_cm, {cols}),
+                          to_array<double>(f.free_cm, {cols}));
+}
+
+// Sums over stretches of what `running` is a running sum of, for each kind.
+nb::object totals(const Row<double>& running, const Row<std::int64_t>& starts, const Row<std::int64_t>& ends,
+                  const Row<std::int64_t>& owner, std::size_t kinds) {
+    require(starts.shape(0) == owner.shape(0) && ends.shape(0) == owner.shape(0), "start, end and owner of every stretch");
+    std::vector<double> sums(kinds, 0.0);
+    for (std::size_t k = 0; k < owner.shape(0); ++k) {
+        const auto start = static_cast<std::size_t>(starts(k)), end = static_cast<std::size_t>(ends(k)),
+                   kind = static_cast<std::size_t>(owner(k));
+        require(start < running.shape(0) && end < running.shape(0) && kind < kinds, "stretches within the picture");
+        sums[kind] += running(end) - running(start);
+    }
+    return to_array<double>(sums, {kinds});
 }
 
 nav::Front front(std::int32_t region, const Row<std::int64_t>& columns_seen, const Row<double>& depth_cm,
@@ -250,7 +269,9 @@ NB_MODULE(_nav, m) {
     m.def("columns", &columns<std::uint16_t>, "image"_a.noconvert(), "kinds"_a);
     m.def("fill", &fill, "points"_a, "lengths"_a, "kinds"_a, "rows"_a, "cols"_a, "step"_a,
           "none"_a);
-    m.def("first_other", &first_other, "labels"_a, "ground"_a, "foot"_a);
+    m.def("feet", &feet, "labels"_a, "slopes"_a, "ids"_a, "nothing"_a, "ground"_a, "foot"_a, "height_cm"_a,
+          "farthest_cm"_a, "sigma_slope"_a);
+    m.def("totals", &totals, "running"_a.noconvert(), "starts"_a, "ends"_a, "owner"_a, "kinds"_a);
     m.def("colour_steps", &colour_steps, "colours"_a, "window"_a, "light"_a);
     m.def("agreed", &agreed, "foot"_a, "found"_a, "search"_a, "agree_px"_a);
     m.def("meet", &meet, "evidence"_a, "centres_cm"_a, "window"_a, "x_cm"_a, "z_cm"_a, "heading"_a, "radius_cm"_a,

@@ -36,4 +36,22 @@ struct FirstOther {
 FirstOther first_other(const std::uint16_t* labels, std::size_t cols, std::size_t rows, const std::uint8_t* ground,
                        const std::int64_t* foot);
 
+// In each column the foot of the first thing above the floor. A ray's slope is how far it falls for each cm ahead.
+struct Feet {
+    std::vector<std::int64_t> kind;                    // its kind, or `nothing` where only floor is seen
+    std::vector<std::uint8_t> cut;                     // no floor is seen at all
+    std::vector<double> slope, depth_cm;               // of the ray to it, and how far it is
+    std::vector<std::uint8_t> sure;                    // all before it is surely floor
+    std::vector<double> floor_cm, free_cm;             // up to where floor is seen, and up to where at the least
+};
+struct Plane {
+    double height_cm;    // of the camera
+    double farthest_cm;
+    double sigma_slope;
+};
+
+// slopes: (cols, rows) of the pixels' rays, lowest first; ids: (kinds)
+Feet feet_of(const FirstOther& first, const std::uint16_t* labels, const double* slopes, std::size_t rows,
+             const std::int64_t* ids, std::int64_t nothing, const Plane& plane);
+
 }  // namespace nav

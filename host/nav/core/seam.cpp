@@ -15,18 +15,21 @@ std::vector<float> strips(const Pixels& picture, std::size_t high, std::size_t w
     const std::size_t across = picture.width / wide, down = picture.height / high;
     const float share = 1.0f / static_cast<float>(high * wide);
     std::vector<float> out(across * down * 3);
-    std::vector<int> sums(3 * across);
+    std::vector<std::uint32_t> column(3 * picture.width);
     for (std::size_t d = 0; d < down; ++d) {
-        std::fill(sums.begin(), sums.end(), 0);
+        std::fill(column.begin(), column.end(), 0);
         for (std::size_t y = picture.height - high * (d + 1); y < picture.height - high * d; ++y) {
-            const std::uint8_t* at = picture.row(y);
-            for (std::size_t a = 0; a < across; ++a)
-                for (std::size_t x = 0; x < wide; ++x, at += 3)
-                    for (std::size_t c = 0; c < 3; ++c) sums[3 * a + c] += at[c];
+            const std::uint8_t* row = picture.row(y);
+            for (std::size_t k = 0; k < column.size(); ++k) column[k] += row[k];
         }
-        for (std::size_t a = 0; a < across; ++a)
-            for (std::size_t c = 0; c < 3; ++c)
-                out[3 * (a * down + d) + c] = share * static_cast<float>(sums[3 * a + 2 - c]) + kWhole - kWhole;
+        const std::uint32_t* at = column.data();
+        for (std::size_t a = 0; a < across; ++a) {
+            std::uint32_t blue = 0, green = 0, red = 0;
+            for (std::size_t x = 0; x < wide; ++x, at += 3) blue += at[0], green += at[1], red += at[2];
+            float* block = &out[3 * (a * down + d)];
+            for (const std::uint32_t sum : {red, green, blue})
+                *block++ = share * static_cast<float>(sum) + kWhole - kWhole;
+        }
     }
     return out;
 }
