@@ -18,17 +18,13 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from statistics import median
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
-from rich.console import Console
-from rich.progress import track as progress
 from rich.table import Table
 
-from bench.depth_drives import SCENES, Take, take
 from bench.depth_rivals import RIVALS, Frames, pixel_count
-from bench.depth_update import update_times
 from bench.figures_file import check_json, write_json
 from bench.label_map import label_map
 from bench.memory import peak_kb
@@ -38,6 +34,9 @@ from host.depth.estimator import Estimator
 from host.depth.report import DepthReport
 from host.errors import run_command
 from host.rbdn import Net, Snapshot
+
+if TYPE_CHECKING:  # so that --help need not wait for the renderer
+    from bench.depth_drives import Take
 
 OURS = "net and depth"
 PIXELS = "pixels, Eq. 16"
@@ -241,6 +240,12 @@ def main() -> None:
     check_json(options.json)
     at_least("seeds", options.seeds, 1)
     at_least("shake-deg", options.shake_deg, 0)
+    from rich.console import Console
+    from rich.progress import track as progress
+
+    from bench.depth_drives import SCENES, take
+    from bench.depth_update import update_times
+
     cv2.setNumThreads(1)
     results = {scene.name: {name: Row() for name in METHODS} for scene in SCENES}
     drives = [(scene, seed) for scene in SCENES for seed in range(options.seeds)]
