@@ -132,7 +132,7 @@ class Tab:
         assert "exceptionDetails" not in result, result["exceptionDetails"]
         return result["result"].get("value")
 
-    def wait_for(self, script: str, timeout_s: float = 20.0) -> Any:
+    def wait_for(self, script: str, timeout_s: float = 60.0) -> Any:
         """The value of a script as soon as it is true."""
         give_up_s = time.monotonic() + timeout_s
         while not (value := self.ask(script)):

@@ -22,11 +22,12 @@ from bench.figures_file import check_json, write_json
 from bench.figures_table import print_figures
 from bench.options import at_least
 from host.config import read_options
-from host.errors import UsageError, run_command
+from host.errors import DeviceError, UsageError, run_command
 from host.nav.config import BodyConfig, NavConfig
 
 if TYPE_CHECKING:  # so that --help need not wait for all of it
     from bench.browser import Browser, Tab
+    from host.link.protocol import Telemetry
     from host.nav.pilot import Pilot
     from host.sim.session import Simulation
 
@@ -34,6 +35,8 @@ ROOT = Path(__file__).resolve().parents[1]
 CAMERA = "sim:room?seed=1"
 STILL_CM_S = 1.0  # slower is standing: two counts a second
 QUICK_CM_S = 15.0  # from which a drive is stopped
+BUSY_S = 0.3  # for which the program hears nothing after STOP
+STANDS_WITHIN_S = 60.0  # on a busy machine
 WAYS = ("button", "key")
 NOTE_TIMES = """
     window.times = []; const told = hear; hear = (n) => { if (n.kind === 'drawn') times.push(n.ms); told(n) }
@@ -268,50 +271,69 @@ def _press(tab: Tab, way: str) -> None:
 
 def stop_busy(browser: Browser, presses: int) -> dict[str, float]:
     """A robot in a process of its own, at speed, whose program computes and hears nothing."""
-    return {"busy_off_ms": max(_stopped_robot(browser, WAYS[k % 2]) for k in range(presses))}
+    command = [sys.executable, "-m", "host.sim.serve", "sim:", "--world", CAMERA]
+    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True)
+    worst = 0.0
+    try:
+        assert process.stdout is not None
+        port = process.stdout.readline().strip()
+        for k in range(presses):
+            told = stop_while_busy(browser, port, WAYS[k % 2])
+            samples = [(1e3 * t_s, 0.0, float(abs(r.duty_left_permille))) for t_s, r in told if t_s > 0]
+            worst = max(worst, _since_when(samples, lambda speed, power: power == 0.0))
+    finally:
+        process.kill()
+        process.wait()
+    return {"busy_off_ms": worst}
 
 
-def _stopped_robot(browser: Browser, way: str) -> float:
+def stop_while_busy(browser: Browser, port: str, way: str) -> list[tuple[float, Telemetry]]:
+    """Drive, and press STOP while the program computes and hears nothing.
+
+    Returns
+    -------
+    told
+        What the robot told all the while, and how long after STOP, s; it stands again.
+    """
     from host.link.clock import SystemClock
     from host.link.robot import Robot
     from host.link.serial_port import SerialPort
     from host.view.page.server import LivePage
 
-    command = [sys.executable, "-m", "host.sim.serve", "sim:", "--world", CAMERA]
-    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True)
     over = threading.Event()
 
     def be_busy() -> None:
         while not over.is_set():
             sum(range(1000))
 
-    try:
-        assert process.stdout is not None
-        robot = Robot(SerialPort(process.stdout.readline().strip()), SystemClock())
+    with LivePage(port=0) as page, Robot(SerialPort(port), SystemClock()) as robot:
         robot.connect()
-        with LivePage(port=0) as page, robot:
-            page.begin("a drive", [], BodyConfig(), robot, lambda t_s: t_s)
-            tab = browser.open(page.url)
-            tab.wait_for("window.live && socket.readyState === 1")
-            while robot.latest is None or robot.latest.speed_left_mm_s < 10 * QUICK_CM_S:
-                robot.drive(200, 0)
-                time.sleep(0.02)
-                robot.poll()
-            busy = threading.Thread(target=be_busy)
-            busy.start()
+        robot.clear()  # the STOP before
+        page.begin("a drive", [], BodyConfig(), robot, lambda t_s: t_s)
+        tab = browser.open(page.url)
+        tab.wait_for("window.live?.phase() === 'wait' && socket.readyState === 1")
+        while robot.latest is None or robot.latest.speed_left_mm_s < 10 * QUICK_CM_S:
+            robot.drive(200, 0)
+            time.sleep(0.02)
+            robot.poll()
+        busy = threading.Thread(target=be_busy)
+        busy.start()
+        try:
             robot.drive(200, 0)
             pressed_s = time.monotonic()
             _press(tab, way)
-            time.sleep(0.3)
+            time.sleep(BUSY_S)
+        finally:
             over.set()
             busy.join()
-            after = [(1e3 * (robot.host_time_s(r.mcu_time_us) - pressed_s), r) for r in robot.poll()]
-    finally:
-        over.set()
-        process.kill()
-        process.wait()
-    samples = [(ms, 0.0, float(abs(r.duty_left_permille))) for ms, r in after if ms > 0]
-    return _since_when(samples, lambda speed, power: power == 0.0)
+        told = [(robot.host_time_s(report.mcu_time_us) - pressed_s, report) for report in robot.poll()]
+        give_up_s = time.monotonic() + STANDS_WITHIN_S
+        while robot.latest.speed_left_mm_s or robot.latest.speed_right_mm_s:
+            if time.monotonic() > give_up_s:
+                raise DeviceError(f"{port}: the robot goes on {STANDS_WITHIN_S:.0f} s after STOP")
+            time.sleep(0.05)
+            robot.poll()
+        return told
 
 
 if __name__ == "__main__":

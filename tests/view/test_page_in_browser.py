@@ -6,7 +6,6 @@ import json
 import re
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -16,11 +15,9 @@ import cv2
 import numpy as np
 import pytest
 
-from bench.browser import Browser, Tab, chromium, program
-from host.link.clock import SystemClock
-from host.link.protocol import Fault, Telemetry
-from host.link.robot import Robot
-from host.link.serial_port import SerialPort
+from bench.browser import Browser, chromium, program
+from bench.page import WAYS, stop_while_busy
+from host.link.protocol import Fault
 from host.nav.config import BodyConfig
 from host.view.page.server import STOPPED, LivePage
 from tests.view.watching import Listener
@@ -73,11 +70,6 @@ def drive(tmp_path) -> Iterator[Drive]:
         process.wait()
 
 
-def middle_of(tab: Tab, element: str) -> tuple[float, float]:
-    box = tab.ask(f"(b => [b.x + b.width / 2, b.y + b.height / 2])({element}.getBoundingClientRect())")
-    return box[0], box[1]
-
-
 def test_a_drive_is_to_be_seen_on_desk_and_phone_and_a_key_stops_it(browser, drive, tmp_path):
     tab = browser.open(drive.url, dark=True)
     tab.wait_for("window.live?.shots >= 20", PATIENCE_S)
@@ -125,46 +117,10 @@ def port() -> Iterator[str]:
         process.wait()
 
 
-def stop_at_speed(browser: Browser, port: str, how: str) -> list[tuple[float, Telemetry]]:
-    """What the robot tells after STOP was pressed while its program computes and hears nothing; and when."""
-    over = threading.Event()
-
-    def be_busy() -> None:
-        while not over.is_set():
-            sum(range(1000))
-
-    with LivePage(port=0) as page, Robot(SerialPort(port), SystemClock()) as robot:
-        robot.connect()
-        robot.clear()  # the STOP before
-        page.begin("a drive", [], BodyConfig(), robot, lambda t_s: t_s)
-        tab = browser.open(page.url)
-        tab.wait_for("window.live?.phase() === 'wait' && socket.readyState === 1")
-        button = middle_of(tab, "$('stop')")
-        while robot.latest is None or robot.latest.speed_left_mm_s < 150:
-            robot.drive(200, 0)
-            time.sleep(0.02)
-            robot.poll()
-        busy = threading.Thread(target=be_busy)
-        busy.start()
-        robot.drive(200, 0)
-        pressed_s = time.monotonic()
-        tab.press(*button) if how == "button" else tab.press_key(how)
-        time.sleep(2 * STOP_S)
-        over.set()
-        busy.join()
-        told = [(robot.host_time_s(report.mcu_time_us) - pressed_s, report) for report in robot.poll()]
-        give_up_s = time.monotonic() + PATIENCE_S
-        while robot.latest.speed_left_mm_s or robot.latest.speed_right_mm_s:
-            assert time.monotonic() < give_up_s, "it goes on"
-            time.sleep(0.05)
-            robot.poll()
-        return told
-
-
-@pytest.mark.parametrize("how", ["button", "Space"])
+@pytest.mark.parametrize("how", WAYS)
 def test_stop_takes_the_motors_power_while_the_loop_is_busy(browser, port, how):
     for _ in range(TRIES):
-        told = stop_at_speed(browser, port, how)
+        told = stop_while_busy(browser, port, how)
         assert any(report.duty_left_permille > 0 for _, report in told)  # it drove until then
         late = [report for t_s, report in told if t_s > STOP_S]
         assert late[-1].fault == Fault.ESTOP_FRAME
