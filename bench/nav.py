@@ -26,6 +26,7 @@ from bench.figures_table import percent, print_figures
 from bench.options import at_least
 from host.config import read_options
 from host.errors import run_command
+from host.nav.map import RANGE_CM
 from host.nav.stand import FARTHEST_DEPTH_CM, USABLE
 from host.sim.drive_scenes import PATH_WIDTH_CM, free_loop
 from host.sim.scenes import world_from_uri
@@ -119,22 +120,37 @@ def figures_of_worlds(drives: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def figures_of_depths(drives: list[dict[str, Any]]) -> dict[str, Any]:
-    """Error of the depths of things that the map may take, and how honest their sigma is."""
-    depths = [
-        d
-        for one in drives
-        for d in one["depths"] or []
-        if not d["background"] and d["sigma_cm"] and d["sigma_cm"] <= USABLE * d["depth_cm"]
-        if d["depth_cm"] <= FARTHEST_DEPTH_CM
-    ]
+    """Errors of the depths that the map takes, by which it is driven, and how honest their sigma is.
+
+    A thing's front and a wall's come from the motion, from their foot on the floor, or from both. What the
+    motion alone says of things is given as well.
+    """
+
+    def rows(key: str, background: bool, farthest_cm: float) -> list[dict[str, Any]]:
+        return [
+            one
+            for drive in drives
+            for one in drive[key] or []
+            if one["background"] == background and one["depth_cm"] <= farthest_cm
+            if one["sigma_cm"] and one["sigma_cm"] <= USABLE * one["depth_cm"]
+        ]
+
+    return {
+        **_errors("depth", rows("fronts", False, RANGE_CM)),
+        **_errors("wall", rows("fronts", True, RANGE_CM)),
+        **_errors("motion", rows("depths", False, FARTHEST_DEPTH_CM)),
+    }
+
+
+def _errors(name: str, depths: list[dict[str, Any]]) -> dict[str, Any]:
     error = np.array([abs(d["error_percent"]) for d in depths])
     pull = np.array([abs(d["depth_cm"] - d["true_cm"]) / d["sigma_cm"] for d in depths])
     return {
-        "depths": len(depths),
-        "depth_median_percent": _median(error),
-        "depth_within_8_percent": percent(error <= 8.0),
-        "depth_within_1_sigma_percent": percent(pull <= 1),
-        "depth_within_2_sigma_percent": percent(pull <= 2),
+        f"{name}s": len(depths),
+        f"{name}_median_percent": _median(error),
+        f"{name}_within_8_percent": percent(error <= 8.0),
+        f"{name}_within_1_sigma_percent": percent(pull <= 1),
+        f"{name}_within_2_sigma_percent": percent(pull <= 2),
     }
 
 
@@ -214,11 +230,21 @@ ROWS = {
     "seconds_median": "time to the goal, median, s",
     "false_stops_per_50_m": "stops for nothing, in 50 m",
     "refused_frames": "pictures not driven on",
-    "depths": "depths of things",
-    "depth_median_percent": "their error, median, %",
-    "depth_within_8_percent": "within 8 %, %",
-    "depth_within_1_sigma_percent": "within 1 sigma, %",
-    "depth_within_2_sigma_percent": "within 2 sigma, %",
+    **{
+        f"{name}{key}": said.format(what)
+        for name, what in (
+            ("depth", f"fronts of things on the map, up to {RANGE_CM / 100:g} m"),
+            ("wall", "fronts of walls on the map"),
+            ("motion", "depths of things by the motion alone"),
+        )
+        for key, said in (
+            ("s", "{}"),
+            ("_median_percent", "their error, median, %"),
+            ("_within_8_percent", "within 8 %, %"),
+            ("_within_1_sigma_percent", "within 1 sigma, %"),
+            ("_within_2_sigma_percent", "within 2 sigma, %"),
+        )
+    },
     "pose_error_cm_median": "pose at the end off by, median, cm",
     **{f"approach_{key}": name for key, name in approach.ROWS.items()},
     **{f"mover_{key}": name for key, name in movers.ROWS.items()},

@@ -20,6 +20,7 @@ from host.nav.delay import Delay
 from host.nav.localise import Localiser
 from host.nav.map import ObstacleMap
 from host.nav.odometry import Odometry, WheelReading, body_of
+from host.nav.stand import Standing
 from host.nav.steer import Command
 from host.nav.task import Task
 from host.pose import Pose
@@ -41,6 +42,7 @@ class View:
     command: Command
     stage_ms: dict[str, float]  # real time by stage: net, depth, localise, map, steer
     smooth: Pose  # in a frame that never jumps: for comparing this frame with those shortly before
+    standing: tuple[Standing, ...]  # what the map took from this frame, but for what moves
     moving: tuple[tuple[float, float], ...] = ()  # between which x/z something that moves may be seen
 
 
@@ -115,7 +117,8 @@ class Pilot:
         moving = tuple(rays for one in self.map.movers if (rays := one.seen_between(pose)) is not None)
         with stages.of("steer"):
             command = self._task.decide(self.map, here)
-        return View(frame, pose, odometry, snapshot, depths, command, stages.ms, smooth, moving)
+        standing = () if self.map.sight is None else self.map.sight.standing
+        return View(frame, pose, odometry, snapshot, depths, command, stages.ms, smooth, standing, moving)
 
     def decide(self, now_s: float) -> Command:
         """The command for ``now_s`` without a new frame: the robot is further on, the map as it was."""

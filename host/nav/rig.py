@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -24,11 +24,11 @@ from host.sim.kinds import is_simulated
 if TYPE_CHECKING:  # so that --help need not wait for the pilot and the simulator
     from host.nav.pilot import View
     from host.nav.result import DriveLog
-    from host.sim.scoring import Score
+    from host.sim.scoring import DepthSample, Score
 
 TRUTHS = (
     "collisions", "run_into", "min_clearance_cm", "true_distance_cm", "room_ahead_cm", "final_pose_error",
-    "dead_reckoning_error", "depth_errors", "depths", "stops", "true_path",
+    "dead_reckoning_error", "depth_errors", "depths", "fronts", "stops", "true_path",
 )  # fmt: skip
 
 
@@ -47,7 +47,7 @@ class Rig:
     def watch(self, view: View) -> None:
         """Let the truth look at what was made of a frame."""
         if self.score is not None:
-            self.score.watch(view.frame.t_s, view.snapshot, view.depths)
+            self.score.watch(view.frame.t_s, view.snapshot, view.depths, view.standing)
             command = view.command
             if command.outcome is None and not command.hands_off:
                 self.score.hear(command.v_mm_s != 0.0 or command.omega_rad_s != 0.0, command.reason)
@@ -61,25 +61,14 @@ class Rig:
         """The part of result.json that only the simulator knows; nulls elsewhere."""
         if self.score is None:
             return dict.fromkeys(TRUTHS)
-        depths = [
-            {
-                "t_s": round(s.t_s, 3),
-                "region": s.region,
-                "background": s.background,
-                "depth_cm": round(s.depth_cm, 2),
-                "sigma_cm": None if s.sigma_cm is None else round(s.sigma_cm, 2),
-                "true_cm": round(s.true_cm, 2),
-                "error_percent": round(100 * s.error, 2),
-            }
-            for s in self.score.samples
-        ]
         stops = [
             {"t_s": round(s.t_s, 3), "reason": s.reason, "true_room_cm": s.true_room_cm, "false": s.is_false}
             for s in self.score.stops
         ]
         way = [[round(t_s, 3), round(x, 2), round(z, 2)] for t_s, x, z in self.score.way]
         summary = self.score.summary(log.last_pose, log.last_dead_reckoning)
-        return {**summary, "depths": depths, "stops": stops, "true_path": way}
+        depths, fronts = _as_rows(self.score.samples), _as_rows(self.score.fronts)
+        return {**summary, "depths": depths, "fronts": fronts, "stops": stops, "true_path": way}
 
     def link_counters(self) -> dict[str, Any]:
         """What both ends of the line saw go wrong."""
@@ -173,3 +162,19 @@ def open_rig(
 
 def _on_time(camera: FrameSource, webcam: WebcamConfig | None) -> FrameSource:
     return camera if webcam is None or not webcam.late_s else Timely(camera, webcam.late_s)
+
+
+def _as_rows(samples: Iterable[DepthSample]) -> list[dict[str, Any]]:
+    """For result.json."""
+    return [
+        {
+            "t_s": round(s.t_s, 3),
+            "region": s.region,
+            "background": s.background,
+            "depth_cm": round(s.depth_cm, 2),
+            "sigma_cm": None if s.sigma_cm is None else round(s.sigma_cm, 2),
+            "true_cm": round(s.true_cm, 2),
+            "error_percent": round(100 * s.error, 2),
+        }
+        for s in samples
+    ]

@@ -10,9 +10,11 @@ from typing import Any
 import numpy as np
 
 from host.depth.report import DepthReport
+from host.nav.picture import STEP_PX
+from host.nav.stand import AT_BORDER, Standing
 from host.pose import Pose
 from host.rbdn.snapshot import Snapshot
-from host.sim.render import TrueFrame
+from host.sim.render import Renderer, TrueFrame
 from host.sim.session import Simulation
 
 DEPTH_EVERY_S = 0.5  # neighbouring frames have nearly the same errors, and truth takes as long as a picture
@@ -23,6 +25,9 @@ FARTHEST_CM = 150.0  # room ahead is looked for up to here
 COMES_S = 10.0  # nor is it where something that moves comes by so soon
 COMES_CM = 60.0  # so near ahead of the rim
 LOOK_STEP_CM = 0.1
+NEAREST_PART = 5.0  # percent of what a region shows in a column that may lie nearer than its nearest there
+LEAST_PX = 4  # of a region in a column to know its depth there
+LEVEL = ("floor", "ceiling")  # what nothing stands on as a front
 
 
 @dataclass(frozen=True)
@@ -76,6 +81,40 @@ def score_depths(
         samples.append(
             DepthSample(t_s, region.id, owner, owner in room, found.depth_cm, found.sigma_cm, true_cm)
         )
+    return samples
+
+
+def score_fronts(
+    standing: Iterable[Standing], snapshot: Snapshot, truth: TrueFrame, renderer: Renderer, t_s: float = 0.0
+) -> list[DepthSample]:
+    """Where everything stands on the map, by which it is driven, against the truth of the same frame.
+
+    A front is compared column by column with the nearest that its region truly shows there; the sample's
+    error is the middle one of all columns. What is only known to be somewhere below the picture has none.
+    """
+    level = [number for number, name in renderer.object_names.items() if name in LEVEL]
+    upright = ~np.isin(truth.object_id, [0, *level])
+    loops = {region.id: region.loops for region in snapshot.regions}
+    samples = []
+    for one in standing:
+        if one.how == AT_BORDER or one.region not in loops:
+            continue
+        mask = region_mask(loops[one.region], truth.object_id.shape) & upright
+        ids = truth.object_id[mask]
+        depths, errors = [], []
+        for column, depth_cm in zip(one.columns.tolist(), one.depth_cm.tolist(), strict=True):
+            across = slice(STEP_PX * column, STEP_PX * (column + 1))
+            seen = truth.depth_cm[:, across][mask[:, across]]
+            if len(seen) >= LEAST_PX:
+                depths.append(depth_cm)
+                errors.append(depth_cm / float(np.percentile(seen, NEAREST_PART)) - 1.0)
+        if len(ids) < SMALLEST_PX or not errors:
+            continue
+        owner = int(np.bincount(ids).argmax())
+        depth_cm = float(np.median(depths))
+        true_cm = depth_cm / (1.0 + float(np.median(errors)))
+        room = owner in renderer.background_ids
+        samples.append(DepthSample(t_s, one.region, owner, room, depth_cm, one.sigma_cm, true_cm))
     return samples
 
 
@@ -141,6 +180,8 @@ class Score:
     ----------
     samples : list[DepthSample]
         From the frames that were looked at, one each half second; fewer of a drive of hours.
+    fronts : list[DepthSample]
+        Of the same frames: where things stand on the map.
     way : list[tuple[float, float, float]]
         Time, x and z in cm of the camera at the same times.
     stops : list[Stop]
@@ -149,6 +190,7 @@ class Score:
 
     def __init__(self, simulation: Simulation) -> None:
         self.samples: list[DepthSample] = []
+        self.fronts: list[DepthSample] = []
         self.way: list[tuple[float, float, float]] = []
         self.stops: list[Stop] = []
         self._moves = False
@@ -156,7 +198,9 @@ class Score:
         self._looked_s = -math.inf
         self._every_s = DEPTH_EVERY_S
 
-    def watch(self, stamp_s: float, snapshot: Snapshot, report: DepthReport) -> None:
+    def watch(
+        self, stamp_s: float, snapshot: Snapshot, report: DepthReport, standing: Iterable[Standing] = ()
+    ) -> None:
         """Take in what was made of the frame with this time on it; call within 30 s of it."""
         t_s = self._simulation.exposed_s(stamp_s)
         if t_s - self._looked_s < self._every_s:
@@ -167,8 +211,10 @@ class Score:
         renderer = self._simulation.renderer_at(t_s)
         truth = renderer.truth(pose, areas=False)
         self.samples += score_depths(snapshot, report, truth, renderer.background_ids, t_s)
-        if len(self.samples) > MOST_SAMPLES:
-            self.samples, self.way = every_second(self.samples), self.way[::2]
+        self.fronts += score_fronts(standing, snapshot, truth, renderer, t_s)
+        if max(len(self.samples), len(self.fronts)) > MOST_SAMPLES:
+            self.samples, self.fronts = every_second(self.samples), every_second(self.fronts)
+            self.way = self.way[::2]
             self._every_s *= 2
 
     def hear(self, moves: bool, reason: str) -> None:

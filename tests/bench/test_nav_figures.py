@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import pytest
+
 from bench.nav import THERE_CM, figures_of_worlds
 
 
@@ -19,6 +21,7 @@ def drive(outcome: str, off_cm: float | None, has_path: bool = True) -> dict[str
         "min_clearance_cm": 5.0,
         "refused_frames": 0,
         "depths": [],
+        "fronts": [],
     }
 
 
@@ -34,3 +37,22 @@ def test_a_world_without_a_way_counts_for_collisions_alone():
     assert figures["drives"] == 2
     assert figures["with_a_way"] == 1
     assert figures["reached_percent"] == 100.0
+
+
+def test_depths_driven_by_are_those_on_the_map_and_walls_and_mere_motion_are_told_apart():
+    def sample(true_cm: float, depth_cm: float, sigma_cm: float, background: bool = False) -> dict[str, Any]:
+        error = 100 * (depth_cm / true_cm - 1)
+        return {"background": background, "depth_cm": depth_cm, "sigma_cm": sigma_cm, "true_cm": true_cm,
+                "error_percent": error}  # fmt: skip
+
+    one = drive("goal", 1.0)
+    one["fronts"] = [sample(100, 102, 1.5), sample(100, 110, 20), sample(100, 120, 5, background=True),
+                     sample(100, 150, 60), sample(310, 305, 5)]  # fmt: skip
+    one["depths"] = [sample(100, 130, 3)]
+    figures = figures_of_worlds([one])
+    assert [figures[key] for key in ("depths", "walls", "motions")] == [2, 1, 1]  # too vague, too far
+    assert figures["depth_median_percent"] == pytest.approx(6.0)
+    assert figures["depth_within_8_percent"] == 50.0
+    assert figures["depth_within_1_sigma_percent"] == 50.0
+    assert figures["depth_within_2_sigma_percent"] == 100.0
+    assert figures["motion_median_percent"] == pytest.approx(30.0)

@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 from host.depth.report import DepthReport, RegionDepth, VertexDepths
+from host.nav.picture import STEP_PX
+from host.nav.stand import AT_BORDER, Standing
 from host.pose import Pose
 from host.rbdn.snapshot import Contour, Region, Snapshot, Vertices
 from host.sim.scoring import (
@@ -20,6 +22,7 @@ from host.sim.scoring import (
     pose_difference,
     region_mask,
     score_depths,
+    score_fronts,
     summarise,
 )
 from host.sim.session import Simulation
@@ -118,6 +121,22 @@ def test_only_the_object_most_pixels_show_counts(boxes: Simulation) -> None:
     truth = boxes.renderer.truth(boxes.true_pose(0.0))
     samples = score_depths(snapshot(region(1, wide)), report({1: 85.0}), truth, boxes.renderer.background_ids)
     assert len(samples) == 1 and abs(samples[0].error) < 1e-4
+
+
+def test_a_front_is_held_to_the_nearest_that_its_region_shows_column_by_column(boxes: Simulation) -> None:
+    outline = RED + np.array([[0, -30], [0, -30], [0, 0], [0, 0]])  # with some of the wall above
+    truth = boxes.renderer.truth(boxes.true_pose(0.0))
+    red = np.arange(int(np.ceil(RED[:, 0].min() / STEP_PX)) + 1, int(RED[:, 0].max() / STEP_PX) - 1)
+    fronts = [
+        Standing(1, red, np.full(len(red), 85.0 * 1.03), 90.0, 2.0, "foot", 1.0),
+        Standing(2, red, np.full(len(red), 60.0), 60.0, 9.0, AT_BORDER, 0.25),
+        Standing(9, red, np.full(len(red), 60.0), 60.0, 9.0, "foot", 0.5),
+    ]
+    regions = snapshot(region(1, outline), region(2, RED))
+    (sample,) = score_fronts(fronts, regions, truth, boxes.renderer)
+    assert (sample.region, sample.sigma_cm) == (1, 2.0) and not sample.background
+    assert sample.error == pytest.approx(0.03, abs=1e-3)
+    assert sample.depth_cm == pytest.approx(85.0 * 1.03)
 
 
 def test_the_summary_is_of_absolute_errors_in_percent(boxes: Simulation) -> None:
