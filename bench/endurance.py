@@ -95,7 +95,8 @@ class Endurance:
             robot.connect()
             goals: list[tuple[float, float]] = []
             while clock.now_s() < self.until_s:
-                task: Task = Route(goals) if goals else Explore()
+                first = self._drives == 0
+                task: Task = Route(goals, set_down=first) if goals else Explore(set_down=first)
                 config = self.config
                 lens = simulation.world.lens
                 pilot = Pilot(

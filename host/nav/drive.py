@@ -23,6 +23,7 @@ from host.nav.slip import WheelWatch
 from host.nav.steer import Command
 from host.nav.trace import Took, damaged
 from host.nav.watch import FrameWatch
+from host.pose import Pose
 
 PICTURE_S = 0.07  # without a new picture for this long the wheels are steered on by the last one
 UNDERSTAND_S = 0.12  # longest time to understand one; with the above it is less than the robot's dead-man
@@ -33,6 +34,9 @@ AWHILE_S = 60.0  # within which
 FAULTS_ALLOWED = 5  # a robot that stops itself more often has a reason
 RECONNECTIONS_ALLOWED = 5  # and so has a line that is lost more often
 SLIPS_ALLOWED = 5  # or one that slips or is carried about
+BACK_OFF_CM = 20.0  # from what it ran into, over floor it has just come over
+SLIPPED_CM = 5.0  # of what the wheels counted last may not have been gone
+HIDDEN_SHARE = 0.5  # of the lower border, by what stands right before the robot
 CALM_S = 1.5  # without anything strange before moving again; each time so much more
 TRY_AGAIN_S = 2.0  # after a wheel did not turn
 CLEARS_IN_S = 0.1  # from clearing a fault until telemetry shows it
@@ -148,6 +152,9 @@ class _Trip:
         self.fresh_wanted = 0  # pictures to look at before moving again
         self.calm_s = -math.inf  # and not before this
         self.carried = False  # since when it has not moved by itself
+        self.came_from: Pose | None = None  # straight ahead, without a turn since
+        self.back_off_cm = 0.0  # before all else
+        self.back_from: Pose | None = None
         self.cleared_s = -math.inf
         self.faults = _Often(FAULTS_ALLOWED)
         self.holds = _Often(HOLDS_ALLOWED)
@@ -179,16 +186,22 @@ class _Trip:
         self.seeing_s = now_s
         with stages.of("watch"):
             doubt = self.wheels.doubt(view)
-        if doubt is not None:
+        if (
+            doubt is not None and self.back_from is None
+        ):  # else from so near all changes; it begins anew after
             self._refuse(frame, doubt)
+            self.back_off_cm, self.back_from = self._may_back_off(view, doubt), None
             self._forget(doubt)
             return
         command = self._careful(view.command)
         waiting = self._waiting_for(now_s)
         if waiting is not None and command.outcome is None and not command.hands_off:
             command = Command(0.0, 0.0, f"stop: {waiting}")
+        elif self.back_off_cm > 0.0 and command.outcome is None:
+            command = self._back_off(view)
         with stages.of("wheels"):
             self._obey(command)
+            self._remember_piece(command, view)
         frame_ms = 1e3 * (time.perf_counter() - began_s)
         self.log.took(Took(frame_ms, 1e3 * (self.clock.now_s() - frame.t_s), stages.ms | view.stage_ms))
         self._note(replace(view, command=command, stage_ms=stages.ms | view.stage_ms))
@@ -340,6 +353,36 @@ class _Trip:
     def _end_where_over(self, command: Command) -> None:
         if command.outcome is not None:
             raise _Ended(command.outcome, command.reason)
+
+    # --- After a contact -----------------------------------------------------------------------
+
+    def _remember_piece(self, command: Command, view: View) -> None:
+        if command.v_mm_s > 0.0:
+            self.came_from = self.came_from or view.dead_reckoning
+        elif command.v_mm_s < 0.0 or command.omega_rad_s != 0.0:
+            self.came_from = None
+
+    def _may_back_off(self, view: View, doubt: str) -> float:
+        """How far it has come straight to where its wheels slip or most floor is hidden; else 0."""
+        sight = self.pilot.map.sight
+        hidden = sight is not None and float(sight.feet.cut.mean()) > HIDDEN_SHARE
+        if self.came_from is None or not (hidden or doubt.startswith("wheels slip")):
+            return 0.0
+        came_cm = math.dist(self.came_from.position_cm, view.dead_reckoning.position_cm)
+        return min(BACK_OFF_CM, max(0.0, came_cm - SLIPPED_CM))
+
+    def _back_off(self, view: View) -> Command:
+        """Straight back the way it came, and then a stop to see everything anew."""
+        self.back_from = self.back_from or view.dead_reckoning
+        left_cm = self.back_off_cm - math.dist(self.back_from.position_cm, view.dead_reckoning.position_cm)
+        if left_cm < 1.0:
+            self.back_off_cm, self.back_from = 0.0, None
+            self._start_anew()  # so near to a thing it may have taken that for floor
+            self.fresh_wanted = FRESH_PICTURES
+            return Command(0.0, 0.0, "stop: looking again before going on")
+        return Command(
+            -10 * self.config.creep_cm_s, 0.0, f"stepping back {left_cm:.0f} cm from what it ran into"
+        )
 
     # --- Standing still ------------------------------------------------------------------------
 

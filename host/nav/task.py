@@ -59,12 +59,15 @@ class Task(Protocol):
 
 
 class Route:
-    """One goal after the other; over at the last, or where one cannot be reached."""
+    """One goal after the other; over at the last, or where one cannot be reached.
 
-    def __init__(self, goals_cm: list[tuple[float, float]]) -> None:
+    Where nobody `set_down` the robot, but it stands where another drive ended, there may be things beside it.
+    """
+
+    def __init__(self, goals_cm: list[tuple[float, float]], set_down: bool = True) -> None:
         self.goals_cm = tuple(goals_cm)  # all of them, whatever was reached
         self._goals = list(goals_cm)
-        self._plan = Plan()
+        self._plan = Plan(begun=not set_down)
 
     def decide(self, obstacle_map: ObstacleMap, camera: Pose) -> Command:
         command, self._plan = decide(self._plan, obstacle_map, camera, self._goals[0])
@@ -77,10 +80,13 @@ class Route:
 
 
 class Explore:
-    """Goes to borders between floor seen and what was never seen, until there are none."""
+    """Goes to borders between floor seen and what was never seen, until there are none.
 
-    def __init__(self) -> None:
-        self._plan = Plan()
+    Where nobody `set_down` the robot, but it stands where another drive ended, there may be things beside it.
+    """
+
+    def __init__(self, set_down: bool = True) -> None:
+        self._plan = Plan(begun=not set_down)
         self._target: tuple[float, float] | None = None
         self._chosen_s = -math.inf
         self._done_with: list[tuple[float, float]] = []
