@@ -26,12 +26,12 @@ EVERY_S = 0.06  # pictures nearer to the last one are not looked at
 LONGEST_S = 0.7  # between two pictures compared
 KEPT = 16  # pictures
 LEAST_TURN_RAD_S, LEAST_SPEED_CM_S = 0.15, 4.0  # changes that tell of a delay
-TURN_SIGMA_RAD, WAY_SIGMA_CM = 0.003, 0.05  # of what sight and wheels differ by for other reasons
+TURN_SIGMA_RAD, WAY_SIGMA_CM = 0.003, 0.1  # of what sight and wheels differ by for other reasons
 CELLS_SIGMA_COUNTS = 0.2  # of where a wheel stands within its cell
 STRAIGHT_RAD = 0.02  # turned further, the camera's way is not that of the wheels
 SEEN_SHARE = 0.7  # of what a way is off by shows, for what is solved of it leans on the wheels
 HEAVY = 4.0  # degrees of freedom of the errors' distribution: some pictures are far off
-TURN_COUNTS, WAY_COUNTS = 0.2, 0.4  # of each comparison, as all of one start or halt share what is wrong
+TURN_COUNTS, WAY_COUNTS = 0.2, 0.25  # of each comparison, as all of one start or halt share what is wrong
 DOUBT = 2.0  # standard errors that a delay may be from none without being believed
 SLEW = 0.01  # most that the delay in use changes by in a second, s
 
