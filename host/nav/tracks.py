@@ -255,17 +255,18 @@ def _replaces(now: Mover, old: Mover) -> bool:
 
 def _disc(sight: _Sight, known_half_cm: float) -> tuple[Sight, float]:
     """Middle and radius of something as round as it is wide, its front towards the robot."""
-    ray = np.array(sight.ray)
-    across = np.array([ray[1], -ray[0]])  # to the right
+    ray_x, ray_z = sight.ray  # and (ray_z, -ray_x) is to the right
     if sight.left is not None and sight.right is not None:
         half = max(math.dist(sight.left, sight.right) / 2, 1.0)
-        middle = (np.array(sight.left) + sight.right) / 2
-    elif sight.left is not None:
-        half, middle = known_half_cm, np.array(sight.left) + known_half_cm * across
+        x, z = (sight.left[0] + sight.right[0]) / 2, (sight.left[1] + sight.right[1]) / 2
     else:
-        half, middle = known_half_cm, np.array(sight.right) - known_half_cm * across
-    x, z = middle + half * ray
-    return Sight(sight.t_s, float(x), float(z), sight.ray, sight.depth_cm + half), half
+        half, ends = known_half_cm, (sight.left, sight.right)
+        x, z = next(
+            (end[0] + side * half * ray_z, end[1] - side * half * ray_x)
+            for end, side in zip(ends, (1, -1), strict=True)
+            if end is not None
+        )
+    return Sight(sight.t_s, x + half * ray_x, z + half * ray_z, sight.ray, sight.depth_cm + half), half
 
 
 def _stands(seen: deque[_Sight]) -> bool:
@@ -324,8 +325,10 @@ def _even_motion(seen: list[_Sight], known: bool) -> tuple[float, float] | None:
 
 
 def _velocity(seen: list[_Sight], known: bool, across: bool) -> tuple[float, float] | None:
-    sides = [(s.t_s, s.left) for s in seen], [(s.t_s, s.right) for s in seen]
-    ways = [[(t_s, *end) for t_s, end in side if end is not None] for side in sides]
+    ways = [
+        [(s.t_s, *s.left) for s in seen if s.left is not None],
+        [(s.t_s, *s.right) for s in seen if s.right is not None],
+    ]
     ways = [way for way in ways if len(way) >= LEAST_SIGHTINGS and len(way) > 0.8 * len(seen)]
     if not ways or (len(ways) == 1 and not known and not (across and _goes_far(ways[0], seen[-1]))):
         return None
