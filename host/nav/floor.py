@@ -27,6 +27,9 @@ SIGMA_RAY = 0.01  # of the tilt of the floor's plane against the camera, rad
 LIKE_HUE = 0.05  # colours over their brightness that differ by less are the same, at the lower border
 LIKE_LIGHT = 1.3  # if one is no brighter than this times the other
 LOOK_EVERY = 5  # frames, to learn the floor's colour at the lower border
+AT_HORIZON_PX = (
+    6  # a region that ends so little above it is floor as far as it goes, and gets lighter far away
+)
 OUTLINE_PX = 3  # so near to an outline colours are mixed
 VOTE = 0.2  # what one frame's depths count; a new region begins at 1 or -0.1 by its looks
 PLAIN = 0.6  # and what its colour does where the region lies all before the robot
@@ -110,6 +113,7 @@ class FloorFinder:
             mine = np.array([i in self._mixed for i in ids])[picture.labels]
             ends = np.where(mine.all(axis=1), mine.shape[1], mine.argmin(axis=1))
             self.foot = find_foot(strips, mine, np.minimum(horizon, ends - OUTLINE_PX - WINDOW))
+            self.foot[(ends >= horizon) & (ends < horizon + AT_HORIZON_PX)] = -1
             up_to_thing = (self.foot < 0) & (ends > 0) & (ends < horizon)
             self.foot[up_to_thing] = ends[up_to_thing]
             sure |= mine[:, 0] & (self.foot > 0)

@@ -8,7 +8,7 @@ evidence fades with time.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -41,12 +41,17 @@ DOUBT = -0.5  # and what is left of that floor
 NEARER = 0.5  # a thing whose foot is below the picture is taken to be this part nearer than the border
 MEMORY_CM = 1500.0  # evidence fades to 1/e over so much travel
 MEMORY_RAD = 30.0  # or so much turning
+DRIFT = 0.02  # of the way gone since a thing was seen, its place may be off by
 TURNS_RAD_S = 0.2  # who turns faster finds nothing new that moves
 RESTLESS = 8  # pictures that show something move nobody knows where to, until that is believed
 LEFT = -0.6  # log-odds of the floor that something left
 MOVER_CM = 30.0  # what stands no farther from where a mover should be, in its direction, is it
 PASSED_S = 3.0  # where it was seen not longer ago than this nothing else stands
 BRIEF = 2.0  # what moves, and what nobody knows the place of, never counts for more
+VAGUE_CM = 20.0  # what is known no better shuts no cell: ways over it are dear, until it is seen from nearer,
+VAGUE_FROM_CM = 120.0  # if it is as far as this
+VAGUE = 0.5  # and never counts for more
+ALIKE = 1.25  # parts of a wall whose depths differ by less than this factor have one sigma
 PRESUMED = 1.0  # what is only presumed behind a surface never counts for more
 
 
@@ -63,6 +68,8 @@ class Obstacle:
     t_s: float
     moving: bool = False
     velocity_cm_s: tuple[float, float] | None = None  # (x, z), where it is known to move
+    eye_cm: tuple[float, float] | None = None  # (x, z) it was seen from
+    gone_cm: float = 0.0  # how far the robot had gone by then
 
     def __str__(self) -> str:
         how = f"{self.how}, moving" if self.moving else self.how
@@ -90,6 +97,7 @@ class ObstacleMap:
         self._front_cm: dict[int, float] = {}  # before a region's mean depth
         self._half = side // 2 * config.cell_cm
         self.centres_cm = (np.arange(side) + 0.5) * config.cell_cm - self._half
+        self._gone_cm = 0.0
         self._last: tuple[float, float, float, float] | None = None  # time, x, z, heading
         self.floor = FloorFinder(body.camera_height_cm)
         self.sight: Sight | None = None  # of the newest frame
@@ -135,6 +143,14 @@ class ObstacleMap:
 
     def obstacle_at(self, row: int, col: int) -> Obstacle | None:
         return self.obstacles.get(int(self.region[row, col]))
+
+    def sigma_at(self, obstacle: Obstacle, place_cm: tuple[float, float]) -> float:
+        """Of where an obstacle stands about a place (x, z): as it was seen, and more for the way since then.
+
+        Of a wall seen from near to far the mean's sigma says little: it grows as the distance squared.
+        """
+        share = 1.0 if obstacle.eye_cm is None else math.dist(obstacle.eye_cm, place_cm) / obstacle.depth_cm
+        return math.hypot(obstacle.sigma_cm * share**2, DRIFT * (self._gone_cm - obstacle.gone_cm))
 
     def stands(self, obstacle: Obstacle) -> bool:
         """Whether what was seen to stand there still does: at least a part of its front is filled."""
@@ -235,7 +251,9 @@ class ObstacleMap:
                 if not mixed and float(columns[found.columns].mean()) > 0.5:
                     movers.add(region.id)
                     velocity = mover.speed_cm_s * mover.ahead[0], mover.speed_cm_s * mover.ahead[1]
-                    self.obstacles[region.id] = _obstacle(found, feet, pose.t_s, True, velocity)
+                    self.obstacles[region.id] = _obstacle(
+                        found, feet, pose.t_s, self._gone_cm, True, velocity
+                    )
                     continue
                 if (found := found.where(~columns)) is None:
                     continue
@@ -243,7 +261,7 @@ class ObstacleMap:
             self._learn_front(found, report)
             if moving:
                 movers.add(region.id)
-            self.obstacles[region.id] = _obstacle(found, feet, pose.t_s, moving, velocity)
+            self.obstacles[region.id] = _obstacle(found, feet, pose.t_s, self._gone_cm, moving, velocity)
         self.movers = self._tracks.movers
         for region_id in movers:  # it is no longer where it was, and what it stood on is floor
             self.evidence[(self.region == region_id) & (self.evidence > 0.0)] = LEFT
@@ -316,7 +334,9 @@ class ObstacleMap:
             turn = math.remainder(heading - last_heading, 2 * math.pi)
             turns = abs(turn) > TURNS_RAD_S * max(t_s - last_s, 1e-3)
             age = max(0.0, t_s - last_s) / self.config.memory_s
-            age += math.hypot(x - last_x, z - last_z) / MEMORY_CM + abs(turn) / MEMORY_RAD
+            gone_cm = math.hypot(x - last_x, z - last_z)
+            self._gone_cm += gone_cm
+            age += gone_cm / MEMORY_CM + abs(turn) / MEMORY_RAD
             self.evidence *= math.exp(-age)
         self._last = t_s, x, z, heading
         self.obstacles = {k: o for k, o in self.obstacles.items() if t_s - o.t_s < 2 * self.config.memory_s}
@@ -345,7 +365,11 @@ class ObstacleMap:
             _nav.View(x0, z0, sine, cosine, left, right, RANGE_CM, lens.fx, lens.cx, rays, pixels, STEP_PX),
             (r0, r1, c0, c1),
             _nav.Floor(feet.free_cm, feet.floor_cm, feet.cut, feet.nearest_cm),
-            [self._front(thing, lens, feet, thing.region in movers) for thing in standing],
+            [
+                self._front(part, lens, feet, thing.region in movers)
+                for thing in standing
+                for part in _parts(thing)
+            ],
             _nav.Rules(SEEN_EMPTY, LOOKED_OVER, PRESUMED, LIMIT, self.config.cell_cm),
         )
 
@@ -362,6 +386,8 @@ class ObstacleMap:
             at_least, change = 0.0, SURE
         else:
             change = SURPRISE if fleeting else thing.weight
+        vague = thing.sigma_cm > VAGUE_CM and float(thing.depth_cm.min()) > VAGUE_FROM_CM
+        most = VAGUE if vague else LIMIT
         return _nav.Front(
             thing.region,
             thing.columns,
@@ -372,9 +398,26 @@ class ObstacleMap:
             sure,
             at_least,
             change,
-            BRIEF if fleeting else LIMIT,
+            BRIEF if fleeting else most,
             fleeting,
         )
+
+
+def _parts(thing: Standing) -> list[Standing]:
+    """What reaches from near to far, in parts with a sigma each: it grows as the depth squared."""
+    near, far = float(thing.depth_cm.min()), float(thing.depth_cm.max())
+    if thing.how == AT_BORDER or far < ALIKE * near:
+        return [thing]
+    step = np.floor(np.log(thing.depth_cm / near) / math.log(ALIKE))
+    parts = []
+    for k in np.unique(step):
+        mine = step == k
+        depth = thing.depth_cm[mine]
+        mean = float(depth.mean())
+        sigma = thing.sigma_cm * (mean / thing.mean_cm) ** 2
+        columns = thing.columns[mine]
+        parts.append(replace(thing, columns=columns, depth_cm=depth, mean_cm=mean, sigma_cm=sigma))
+    return parts
 
 
 @lru_cache(maxsize=2)
@@ -392,9 +435,14 @@ def _median(values: np.ndarray) -> float:
 
 
 def _obstacle(
-    standing: Standing, feet: Feet, t_s: float, moving: bool, velocity: tuple[float, float] | None
+    standing: Standing,
+    feet: Feet,
+    t_s: float,
+    gone_cm: float,
+    moving: bool,
+    velocity: tuple[float, float] | None,
 ) -> Obstacle:
     left = feet.point(int(standing.columns[0]), float(standing.depth_cm[0]))
     right = feet.point(int(standing.columns[-1]), float(standing.depth_cm[-1]))
-    z, sigma = standing.mean_cm, standing.sigma_cm
-    return Obstacle(standing.region, z, sigma, standing.how, left, right, t_s, moving, velocity)
+    z, sigma, eye = standing.mean_cm, standing.sigma_cm, feet.point(0, 0.0)
+    return Obstacle(standing.region, z, sigma, standing.how, left, right, t_s, moving, velocity, eye, gone_cm)

@@ -190,6 +190,20 @@ def _is_straight_wall(feet: Feet, columns: np.ndarray, covered: np.ndarray) -> b
     return _straight_line(columns, slopes) is not None
 
 
+def _has_wall_behind(feet: Feet, columns: np.ndarray, nearest: float) -> bool:
+    """Whether most of it is a wall, and something before it has its colour, so that the net made them one.
+
+    What hangs over at the sides, as a ball does, has no straight foot there.
+    """
+    far = columns[feet.slope[columns] < HANGING * nearest]
+    for run in np.split(far, np.flatnonzero(np.diff(far) > 1) + 1):
+        if len(run) < LEAST_COLUMNS or _straight_line(run, feet.slope[run]) is None:
+            continue
+        if feet.width_cm(run, feet.height_cm / _mean(feet.slope[run])) > WALL_CM:
+            return True
+    return False
+
+
 def _straight_line(columns: np.ndarray, slopes: np.ndarray) -> tuple[float, float] | None:
     """Offset and rise of the line through slopes over columns; None where they do not lie on one."""
     middle, mean = _mean(columns), _mean(slopes)
@@ -222,6 +236,7 @@ def _on_its_feet(
     ordered = np.sort(slopes)
     nearest = quantile(ordered, 0.9)
     wall = feet.width_cm(covered, feet.height_cm / nearest) > WALL_CM
+    wall = wall or _has_wall_behind(feet, columns, nearest)
     foot_slope = _mean(slopes) if wall else nearest
     slope, sigma, how, weight = _agreed(foot_slope, measured, feet.height_cm)
     z = feet.height_cm / slope

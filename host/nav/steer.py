@@ -193,7 +193,7 @@ def look_ahead(
     unseen = max(0.0, min(unseen, to_edge))
     if to_edge < room:
         return Ahead(to_edge, unseen, blind, None, None, edge=True)
-    sigma = 0.0 if obstacle is None else obstacle.sigma_cm
+    sigma = 0.0 if obstacle is None or cell is None else obstacle_map.sigma_at(obstacle, cell)
     return Ahead(room, unseen, blind, obstacle, cell, sigma_cm=sigma, brief=brief)
 
 

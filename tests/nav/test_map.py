@@ -132,6 +132,41 @@ def test_a_wall_is_mapped_along_its_slant_by_its_feet():
     assert np.median(rows) == pytest.approx(150, abs=10)
 
 
+def test_a_pole_that_the_net_took_for_one_with_the_wall_behind_it_shuts_nothing_beside_it():
+    world = PlanarWorld([Box(-4, 45, 4, 53, 80)], room=(-150, -60, 150, 160))
+    labels = world._cast()[0]
+    labels[labels == 10] = WALL_ID
+    snapshot, pole_map = of_labels(labels), fresh()
+    for k in range(FRAMES):
+        pose = Pose.planar(0, 0, 0, t_s=k / 10)
+        pole_map.update(snapshot, DepthReport({}, NO_VERTICES), pose, LENS)
+    assert pole_map.occupied[pole_map.cell_of(0, 47)]
+    assert pole_map.free[pole_map.cell_of(-16, 47)] and pole_map.free[pole_map.cell_of(16, 47)]
+    assert pole_map.occupied[pole_map.cell_of(-40, 162)]
+
+
+@pytest.mark.parametrize(("wall_cm", "shut"), [(150.0, True), (220.0, False)])
+def test_a_wall_so_far_away_that_nobody_knows_where_shuts_no_way(wall_cm, shut):
+    far_map = look(PlanarWorld([], room=(-150, -60, 150, wall_cm)), fresh())
+    cell = far_map.cell_of(0, wall_cm + 2)
+    assert far_map.occupied[cell] == shut and not far_map.free[cell]
+
+
+def test_a_place_is_known_the_better_the_nearer_it_was_seen_from_and_less_with_the_way_gone_since():
+    world = PlanarWorld([])
+    world.heading = math.radians(30)
+    wall_map = look(world, fresh())
+    wall = wall_map.obstacles[WALL_ID]
+    near, far = sorted([wall.left_cm, wall.right_cm], key=lambda end: math.dist(end, (0, 0)))
+    sigma_cm = wall_map.sigma_at(wall, near)
+    assert sigma_cm < 0.7 * wall.sigma_cm < wall.sigma_cm < wall_map.sigma_at(wall, far)
+    bare = of_labels(np.full((LENS.height, LENS.width), FLOOR_ID))
+    for k in range(11):
+        pose = Pose.planar(0, 20.0 * k, world.heading, t_s=1.0 + k)
+        wall_map.update(bare, DepthReport({}, NO_VERTICES), pose, LENS)
+    assert wall_map.sigma_at(wall, near) == pytest.approx(math.hypot(sigma_cm, 4.0), abs=0.2)
+
+
 def test_a_rug_whose_depth_lies_on_the_floor_becomes_floor():
     snapshot, _ = PlanarWorld([]).see()
     floor = next(r for r in snapshot.regions if r.id == FLOOR_ID)
@@ -342,6 +377,18 @@ def test_a_wall_that_the_net_has_not_told_from_the_floor_stands_where_the_pictur
     assert seam_map.obstacles[FLOOR_ID].depth_cm == pytest.approx(foot_cm, rel=0.05)
     assert seam_map.evidence[seam_map.cell_of(0, foot_cm + 3)] > OCCUPIED
     assert seam_map.evidence[seam_map.cell_of(0, foot_cm - 15)] < FREE
+
+
+def test_floor_that_gets_lighter_on_its_way_to_the_horizon_has_no_wall_on_it():
+    _, image = one_region_of_floor_and_wall(150, (174, 192, 204))
+    labels = np.full((240, 320), WALL_ID)
+    labels[120:] = FLOOR_ID
+    far_map = fresh()
+    for k in range(6):
+        pose = Pose.planar(0, 0, 0, t_s=k / 10)
+        far_map.update(of_labels(labels), DepthReport({}, NO_VERTICES), pose, LENS, image)
+    assert far_map.floor.is_mixed(FLOOR_ID)
+    assert not far_map.occupied[far_map.cell_of(0, 15.0 * LENS.fy / (150 - LENS.cy) + 3)]
 
 
 def test_where_the_picture_shows_no_foot_nothing_is_free_and_a_wall_before_the_lens_is_no_floor():
