@@ -31,6 +31,8 @@ STRAIGHT = 0.006  # rms of a straight wall's feet about their line, as a slope: 
 WALL_CM = 70.0  # what is wider than this has a front as its feet have it, what is narrower a flat one
 TOUCHING = 1.05  # columns whose foot is nearer than this times the nearest foot touch the floor
 HANGING = 0.65  # a thing whose outer feet are flatter than this part of its nearest one hangs over there
+EVENED = 5  # columns
+EVEN = np.full(EVENED, 1 / EVENED)
 OUTER = 0.1  # of its columns, on either side
 MEAN_TO_FRONT = 0.15  # a thing's nearest point before its mean depth, in its widths
 FARTHEST_DEPTH_CM = 450.0
@@ -233,8 +235,7 @@ def _on_its_feet(
     covered: np.ndarray,
 ) -> Standing | None:
     slopes = feet.slope[columns]
-    ordered = np.sort(slopes)
-    nearest = quantile(ordered, 0.9)
+    nearest = nearest_slope(slopes)
     wall = feet.width_cm(covered, feet.height_cm / nearest) > WALL_CM
     wall = wall or _has_wall_behind(feet, columns, nearest)
     foot_slope = _mean(slopes) if wall else nearest
@@ -257,6 +258,13 @@ def _on_its_feet(
         bulge = (1 - touching) * round_cm
     front = np.full(len(covered), z - bulge)
     return Standing(region, covered, front, z, sigma_cm, how, weight, round_cm)
+
+
+def nearest_slope(slopes: np.ndarray) -> float:
+    """Of a thing's feet where it is nearest; feet are told in steps of STEP_PX rows, which are evened out."""
+    if len(slopes) >= 3 * EVENED:
+        slopes = np.convolve(slopes, EVEN, "valid")
+    return quantile(np.sort(slopes), 0.9)
 
 
 def hangs_over(
