@@ -369,7 +369,7 @@ def _line_through(
 ) -> tuple[tuple[float, float], tuple[float, float]]:
     """A point of the line and its direction, about as before; near sights count for more."""
     points = np.array([(one.x_cm, one.z_cm) for one in sights])
-    weight = np.array([1.0 / max(one.away_cm, 20.0) ** 2 for one in sights])
+    weight = np.array([1.0 / max(one.away_cm, 20.0) ** 4 for one in sights])
     weight /= weight.sum()
     middle = weight @ points
     if len(points) >= 5:

@@ -17,9 +17,19 @@ from host.nav import _nav
 from host.nav.config import NavConfig
 from host.nav.crossing import Crossing, best_crossing
 from host.nav.map import FREE, LOOKED, OCCUPIED, Obstacle, ObstacleMap
+from host.nav.mover import Mover
 from host.nav.odometry import body_of
 from host.nav.plan import Room, Way, at_points, find_way, room_around, tightest
-from host.nav.yielding import BACK_CM_S, BERTH_CM, CROSSING_BERTH_CM, Course, Verdict, judge, unknown_mover
+from host.nav.yielding import (
+    BACK_CM_S,
+    BERTH_CM,
+    CROSSING_BERTH_CM,
+    WAIT_CM,
+    Course,
+    Verdict,
+    judge,
+    unknown_mover,
+)
 from host.pose import Pose, wrap
 
 PLAN_EVERY_S = 0.5
@@ -36,7 +46,8 @@ RENEW_S = 3.0  # where it waits it looks so often for a better place to cross,
 BETTER_CM = 12.0  # and goes there if it is so far away
 THERE_CM = 6.0  # it is where a crossing begins or ends
 LOST_S, LOST_BACK_CM = 8.0, 35.0  # after so long without a sight of it, it steps back so far
-BACK_FROM_CM = 10.0  # nearer than that by more than this it steps back to where it begins
+BACK_FROM_CM = 10.0  # too near by more than this it steps back,
+STEP_BACK_CM = 5.0  # if that leads away from the line
 FACING_RAD = 0.15  # it looks across as straight as this
 WAY_STEP_CM = 40.0  # points of the way that are looked at for what moves
 BELIEVE_S = 1.5  # and so long it is looked at
@@ -474,7 +485,9 @@ def _cross(
     if cross is None or ((cross.there or held.stands) and t_s - cross.found_s > RENEW_S):
         found = _best_crossing(obstacle_map, here)
         if found is None:
-            return _watch(held, heading, heading, obstacle_map), replace(plan, cross=None, piece_from=None)
+            back = _back_off(held, obstacle_map, t_s, here, heading)
+            command = back or _watch(held, heading, heading, obstacle_map)
+            return command, replace(plan, cross=None, piece_from=None, v_cm_s=command.v_mm_s / 10)
         if cross is None or abs(found.aside_cm(cross.crossing.begin)) > BETTER_CM:
             cross = Cross(found, t_s)
         cross = replace(cross, found_s=t_s)
@@ -483,29 +496,26 @@ def _cross(
         return None, replace(plan, cross=cross)
     cross = replace(cross, there=True)
     plan = replace(plan, cross=cross, piece_from=None)
-    if held.verdict is not None and (
-        back := _back_off(held, cross.crossing, obstacle_map, t_s, here, heading)
-    ):
+    if (back := _back_off(held, obstacle_map, t_s, here, heading)) is not None:
         return back, replace(plan, v_cm_s=back.v_mm_s / 10)
     return _watch(held, heading, _bearing(here, cross.crossing.end), obstacle_map), plan
 
 
 def _back_off(
-    held: Held,
-    crossing: Crossing,
-    obstacle_map: ObstacleMap,
-    t_s: float,
-    here: tuple[float, float],
-    heading: float,
+    held: Held, obstacle_map: ObstacleMap, t_s: float, here: tuple[float, float], heading: float
 ) -> Command | None:
     """Back to where the feet of what comes by are in the picture; None where it is there, or cannot."""
-    off = math.dist(here, crossing.end) - math.dist(crossing.begin, crossing.end)
+    if held.verdict is None or not isinstance(held.verdict.thing, Mover):
+        return None
+    step = np.array([[0.0], [STEP_BACK_CM]]) * (math.sin(heading), math.cos(heading))
+    near, far = held.verdict.thing.least_gap_cm(here - step) - obstacle_map.body.radius_cm
+    too_near = WAIT_CM - near
     seen_s = max((one.t_s for one in obstacle_map.movers), default=t_s)
     if t_s - seen_s > LOST_S:  # its line is nearer than it seemed: all that comes by is below the picture
-        off -= LOST_BACK_CM
-    if off > -BACK_FROM_CM or abs(wrap(crossing.heading - heading)) > FACING_RAD:
+        too_near += LOST_BACK_CM
+    if too_near < BACK_FROM_CM or far - near < 0.8 * STEP_BACK_CM:
         return None
-    v = min(BACK_CM_S, brakeable_cm_s(obstacle_map.config, min(-off, held.back_cm)))
+    v = min(BACK_CM_S, brakeable_cm_s(obstacle_map.config, min(too_near, held.back_cm)))
     return Command(-10 * v, 0.0, f"stepping back to see {held.verdict} come by") if v > 1.0 else None
 
 
