@@ -101,9 +101,7 @@ class Wheel:
             return 0.0
         turning_s = STEP_S
         after = aim + (before - aim) * math.exp(-STEP_S / lag_s)
-        if (
-            abs(duty) <= self._model.dead_zone and after * before < 0.0
-        ):  # friction only stops
+        if abs(duty) <= self._model.dead_zone and after * before < 0.0:  # friction only stops
             turning_s, after = lag_s * math.log(1.0 - before / aim), 0.0
         self.speed_cm_s = after
         travel = aim * turning_s + (before - aim) * lag_s * (1.0 - math.exp(-turning_s / lag_s))
