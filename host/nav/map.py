@@ -8,7 +8,7 @@ evidence fades with time.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -408,15 +408,17 @@ def _parts(thing: Standing) -> list[Standing]:
     near, far = float(thing.depth_cm.min()), float(thing.depth_cm.max())
     if thing.how == AT_BORDER or far < ALIKE * near:
         return [thing]
-    step = np.floor(np.log(thing.depth_cm / near) / math.log(ALIKE))
+    step = (np.log(thing.depth_cm / near) / math.log(ALIKE)).astype(np.int64)
     parts = []
-    for k in np.unique(step):
-        mine = step == k
-        depth = thing.depth_cm[mine]
-        mean = float(depth.mean())
+    for k in range(int(step.max()) + 1):
+        mine = (step == k).nonzero()[0]
+        if len(mine) == 0:
+            continue
+        columns, depth = thing.columns[mine], thing.depth_cm[mine]
+        mean = float(depth.sum()) / len(depth)
         sigma = thing.sigma_cm * (mean / thing.mean_cm) ** 2
-        columns = thing.columns[mine]
-        parts.append(replace(thing, columns=columns, depth_cm=depth, mean_cm=mean, sigma_cm=sigma))
+        how, weight, round_cm = thing.how, thing.weight, thing.round_cm
+        parts.append(Standing(thing.region, columns, depth, mean, sigma, how, weight, round_cm))
     return parts
 
 
