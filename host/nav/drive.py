@@ -149,6 +149,7 @@ class _Trip:
         self.seeing_s = self.begin_s  # when there last was a picture to drive on
         self.last_seq: int | None = None
         self.under_way = False  # the wheels do what was made of the last picture
+        self.instead: Command | None = None  # of what the pilot wants, until the next picture
         self.fresh_wanted = 0  # pictures to look at before moving again
         self.calm_s = -math.inf  # and not before this
         self.carried = False  # since when it has not moved by itself
@@ -186,19 +187,21 @@ class _Trip:
         self.seeing_s = now_s
         with stages.of("watch"):
             doubt = self.wheels.doubt(view)
-        if (
-            doubt is not None and self.back_from is None
-        ):  # else from so near all changes; it begins anew after
+        # stepping back from so near changes all that is seen; it begins anew after that
+        if doubt is not None and self.back_from is None:
             self._refuse(frame, doubt)
-            self.back_off_cm, self.back_from = self._may_back_off(view, doubt), None
+            # doubts while it stands: somebody carries it, and what is behind it now nobody knows
+            self.back_off_cm = 0.0 if self.carried else self._may_back_off(view, doubt)
             self._forget(doubt)
             return
-        command = self._careful(view.command)
-        waiting = self._waiting_for(now_s)
-        if waiting is not None and command.outcome is None and not command.hands_off:
-            command = Command(0.0, 0.0, f"stop: {waiting}")
-        elif self.back_off_cm > 0.0 and command.outcome is None:
-            command = self._back_off(view)
+        command, waiting = self._careful(view.command), self._waiting_for(now_s)
+        self.instead = None
+        if command.outcome is None and not command.hands_off:
+            if waiting is not None:
+                self.instead = Command(0.0, 0.0, f"stop: {waiting}")
+            elif self.back_off_cm > 0.0:
+                self.instead = self._back_off(view)
+            command = self.instead or command
         with stages.of("wheels"):
             self._obey(command)
             self._remember_piece(command, view)
@@ -225,6 +228,7 @@ class _Trip:
         # It was the robot that was away, not the camera.
         self.seeing_s = self.picture_s = self.clock.now_s()
         self.last_seq = None
+        self._stay_here()
         self._stand()
 
     # --- Pictures ------------------------------------------------------------------------------
@@ -303,6 +307,8 @@ class _Trip:
             raise _Ended("stopped", self.robot.halted, EXIT_SAFETY)
 
     def _wait_out(self, why: str) -> None:
+        if self.back_from is not None:  # there is something behind it
+            self._stay_here()
         self._stand()
         self.log.decide(
             self.clock.now_s() - self.begin_s, 0.0, 0.0, f"stop: {why}; is a wheel held? Trying again"
@@ -324,7 +330,7 @@ class _Trip:
         """Where the robot has got to since the last picture the map knows what to do next."""
         if not self.under_way or self._deaf():
             return
-        command = self._careful(self.pilot.decide(now_s))
+        command = self.instead or self._careful(self.pilot.decide(now_s))
         self._obey(command)
         self._end_where_over(command)
 
@@ -376,13 +382,17 @@ class _Trip:
         self.back_from = self.back_from or view.dead_reckoning
         left_cm = self.back_off_cm - math.dist(self.back_from.position_cm, view.dead_reckoning.position_cm)
         if left_cm < 1.0:
-            self.back_off_cm, self.back_from = 0.0, None
+            self._stay_here()
             self._start_anew()  # so near to a thing it may have taken that for floor
             self.fresh_wanted = FRESH_PICTURES
             return Command(0.0, 0.0, "stop: looking again before going on")
         return Command(
             -10 * self.config.creep_cm_s, 0.0, f"stepping back {left_cm:.0f} cm from what it ran into"
         )
+
+    def _stay_here(self) -> None:
+        """What it came over last is not behind it any more, or was gone back over."""
+        self.came_from, self.back_off_cm, self.back_from = None, 0.0, None
 
     # --- Standing still ------------------------------------------------------------------------
 

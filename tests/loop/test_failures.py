@@ -147,6 +147,23 @@ def hold(body, for_s: float) -> None:
     body._left.roll = held
 
 
+def test_between_slow_pictures_it_waits_and_steps_back_too_until_a_wheel_is_held():
+    watched = Watched("sim:room?seed=3&fps=6", {FROM_S: lambda body: body.slip(1.0, 1.0, 2.0)})
+    watched._todo[8.0] = lambda body: hold(body, 1.0)
+    log, _ = run(watched.simulation, camera=watched, max_time_s=13.0)
+    times = {
+        words: [watched.way[0][0] + one.t_s for one in log.decisions if words in one.reason]
+        for words in ("waiting for", "stepping back", "is a wheel held")
+    }
+    waits_s, back_s, held_s = (min(times[words]) for words in times)
+    assert waits_s + 1.0 < back_s < held_s, times
+    assert watched.wheels_stood(waits_s + 0.5, back_s)
+    back = [(x, z) for t, x, z, _ in watched.way if back_s <= t <= 8.0]
+    assert watched.went_cm(back_s, 8.0) < 1.001 * math.dist(back[0], back[-1])  # and does not turn
+    assert max(times["stepping back"]) < held_s
+    assert watched.simulation.body.collisions == 0
+
+
 @pytest.mark.parametrize(("for_s", "goes_on"), [(2.0, True), (1000.0, False)])
 def test_a_wheel_that_is_blocked_stops_the_robot_until_it_is_free(for_s, goes_on):
     watched = Watched("sim:room?seed=3", {FROM_S: lambda body: hold(body, for_s)})
