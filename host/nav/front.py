@@ -30,6 +30,10 @@ MOST_SUPPORT = 6.0
 DOUBTED_CM = 1.5  # what is less sure is forgotten when floor is seen beyond it
 PASSED_CM = 4.0  # by so much
 SURE_SUPPORT = 1.5  # frames from near that saw it
+EDGES = 0.003  # rms of feet about one or two lines: straight fronts, of which rows of 2 px make 0.002
+EDGE_COLUMNS = 25  # the flank of a ball in fewer is as straight; it is at the side, out of the way
+SLIVER = 0.03  # feet that jump by this at either end are another thing's, through a gap of the outline
+SLIVER_COLUMNS = 4
 CLEAR_CM = np.arange(0.0, 60.0, 5.0)  # beyond the border where it is looked whether floor is seen
 
 
@@ -71,6 +75,7 @@ class Profile:
         self._by_foot = np.zeros(count, bool)
         self._clear_cm = np.full(count, -np.inf)  # floor was seen up to here
         self._camera_cm: float | None = None  # along the way
+        self._edged: set[int] = set()  # regions that stand on straight edges
 
     def place_of(self, x_cm: float, z_cm: float) -> tuple[float, float]:
         """(along, aside) of a point."""
@@ -125,7 +130,8 @@ class Profile:
             mine = thing.columns[feet.region[thing.columns] == thing.region]
             if len(mine) == 0 or thing.how == AT_BORDER:
                 continue
-            if thing.round_cm > 0.0:  # its nearest point lies before its foot
+            if thing.round_cm > 0.0 and not self._is_edged(feet, thing.region, mine):
+                # its nearest point lies before its foot
                 front = _round_front(feet, thing)
                 seen = mine[~feet.cut[mine]]
                 depth[seen] = front[np.searchsorted(thing.columns, seen)]
@@ -137,6 +143,14 @@ class Profile:
                 front = thing.by_column(len(depth))[cut]
                 depth[cut], doubt[cut], known[cut] = front, thing.sigma_cm, front > 1.0
         return depth, doubt, known & np.isfinite(depth)
+
+    def _is_edged(self, feet: Feet, region: int, columns: np.ndarray) -> bool:
+        """Whether what looks round by its outer feet is a box, seen at a corner or cut off by the picture."""
+        slopes = _without_slivers(feet.slope[columns[~feet.cut[columns]]])
+        if len(slopes) >= EDGE_COLUMNS:  # else as it was when more of it was to be seen
+            change = self._edged.add if _rms_about_edges(slopes) < EDGES else self._edged.discard
+            change(region)
+        return region in self._edged
 
     def _look_again(
         self,
@@ -256,3 +270,26 @@ def _round_front(feet: Feet, thing: Standing) -> np.ndarray:
     centre = 0.5 * float(feet.across[thing.columns[0]] + feet.across[thing.columns[-1]]) * middle
     off = np.minimum(np.abs(feet.across[thing.columns] * middle - centre) / radius, 1.0)
     return middle - radius * np.sqrt(1.0 - off**2)
+
+
+def _without_slivers(slopes: np.ndarray) -> np.ndarray:
+    jumps = np.flatnonzero(np.abs(np.diff(slopes)) > SLIVER) + 1
+    begin = max(jumps[jumps <= SLIVER_COLUMNS], default=0)
+    end = min(jumps[jumps >= len(slopes) - SLIVER_COLUMNS], default=len(slopes))
+    return slopes[begin:end]
+
+
+def _rms_about_edges(slopes: np.ndarray) -> float:
+    """Of feet about the two lines that fit them best: a straight edge on the floor is one in the picture."""
+    first, second = _squares_about_line(slopes), _squares_about_line(slopes[::-1])[::-1]
+    return math.sqrt(max(0.0, float((first[:-1] + second[1:]).min())) / len(slopes))
+
+
+def _squares_about_line(values: np.ndarray) -> np.ndarray:
+    """Sum of squares about the line that fits best the values up to each one."""
+    count = np.arange(1.0, len(values) + 1)
+    middle, mean = (count - 1) / 2, values.cumsum() / count
+    spread = count * (count**2 - 1) / 12
+    along = (values * (count - 1)).cumsum() - count * middle * mean
+    about = (values**2).cumsum() - count * mean**2
+    return about - along**2 / np.maximum(spread, 1.0)

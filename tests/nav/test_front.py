@@ -27,6 +27,7 @@ class Columns:
     cut: np.ndarray
     across: np.ndarray = field(default_factory=lambda: ACROSS)
     height_cm: float = 15.0
+    slope: np.ndarray = field(default_factory=lambda: np.full(160, 15.0 / 500.0))
     nearest_cm: float = NEAREST_CM
 
     @property
@@ -119,3 +120,37 @@ def test_a_disc_meets_only_what_it_is_wide_enough_for():
         look(profile, beside, 0.0)
     assert profile.met(0.0, 0.0, RADIUS_CM) is None
     assert profile.met(6.0, 0.0, RADIUS_CM) is not None
+
+
+def seen_as_round(slopes: np.ndarray, left: int) -> tuple[Columns, Standing]:
+    """Something with these feet, from this column on, before bare floor; its outer feet made it a ball."""
+    columns = bare_floor()
+    mine = np.arange(left, left + len(slopes))
+    columns.slope[mine] = slopes
+    columns.depth_cm[mine], columns.region[mine] = columns.height_cm / slopes, WALL
+    nearest = float(columns.depth_cm[mine].min())
+    return columns, Standing(WALL, mine, np.full(len(mine), nearest - 6.0), nearest, 1.0, "foot", FAIR, 8.0)
+
+
+def test_a_slanted_front_that_the_picture_cuts_off_is_no_ball():
+    """It is met where its feet are in each column, also when too little of it is left in view to tell."""
+    profile = Profile(0.0, 0.0, 0.0)
+    slanted, thing = seen_as_round(np.linspace(0.25, 0.42, 54), 106)  # 60 cm away at 11 cm aside, 36 at 20
+    for _ in range(4):
+        look(profile, slanted, 0.0, (thing,))
+    little, rest = seen_as_round(np.linspace(0.38, 0.42, 12), 148)
+    look(profile, little, 0.0, (rest,))
+    way = 15.0 / np.linspace(0.25, 0.42, 54) + CAMERA_AHEAD_CM
+    aside = np.abs(ACROSS[106:160]) * (way - CAMERA_AHEAD_CM)
+    inside = aside < RADIUS_CM
+    expected = (way[inside] - np.sqrt(RADIUS_CM**2 - aside[inside] ** 2)).min()
+    assert met(profile, 0.0).room_cm == pytest.approx(expected, abs=1.5)
+
+
+def test_a_ball_is_met_at_its_nearest_point_which_lies_before_its_foot():
+    profile = Profile(0.0, 0.0, 0.0)
+    outline = 0.11 + 0.2 * np.sqrt(1.0 - np.linspace(-0.98, 0.98, 56) ** 2)
+    ball, thing = seen_as_round(outline, 52)
+    for _ in range(4):
+        look(profile, ball, 0.0, (thing,))
+    assert met(profile, 0.0).along_cm == pytest.approx(15.0 / 0.31 - 6.0 + CAMERA_AHEAD_CM, abs=0.5)
