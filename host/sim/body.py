@@ -24,6 +24,7 @@ LIFTED_CM = 22.0  # and how high
 LIFTED_RAD = (0.5, 0.25, -0.2)  # by how much it turns it, nods it down and tips it to the left
 SWAY_RAD, SWAY_S = 0.05, 1.7  # a hand is not still
 FLOOR_CM = (140.0, 390.0)  # lengths over which a floor's grip varies
+NEVER_US = -(10**9)
 GRIP_VARIES = 1 / 3  # by so much of the mean slip
 REAL_SLIP_S, REAL_SLIP_SHARE = (0.05, 0.15), (0.2, 0.6)  # a crumb, a joint: how long, how much
 PHASES = ((False, False), (True, False), (True, True), (False, True))  # pins A, B, rolling forward
@@ -165,6 +166,7 @@ class Grip:
         self._left_until_slip_cm = self._draw_way()
         self._slips: list[tuple[float, int]] = [(0.0, 0), (0.0, 0)]  # share and end of each wheel's
         self._forced: list[tuple[float, int]] = [(0.0, 0), (0.0, 0)]
+        self.slipped_us = NEVER_US  # when a wheel last truly slipped
 
     def force(self, left: float, right: float, until_us: int) -> None:
         """Let these shares be lost until then, whatever the floor."""
@@ -174,6 +176,7 @@ class Grip:
         """Way on the floor of a wheel that turned by `travel` in a step and got faster by `gain_cm_s`."""
         share, end_us = self._forced[side]
         if now_us < end_us:
+            self.slipped_us = now_us
             return (1.0 - share) * travel
         model = self._model
         if model.slip == model.slip_per_cm_s2 == model.slips_per_m == 0.0:
@@ -187,7 +190,10 @@ class Grip:
         share += model.slip_per_cm_s2 * math.copysign(gain_cm_s / STEP_S, gain_cm_s * travel)
         self._slip_now_and_then(side, abs(travel), now_us)
         slip, end_us = self._slips[side]
-        return (1.0 - max(share, slip if now_us < end_us else share)) * travel
+        if now_us < end_us:
+            self.slipped_us = now_us
+            share = max(share, slip)
+        return (1.0 - share) * travel
 
     def _slip_now_and_then(self, side: int, way_cm: float, now_us: int) -> None:
         self._left_until_slip_cm -= way_cm / 2  # of the two wheels' mean
@@ -293,6 +299,11 @@ class Body:
                 self._feel(self._gap_cm(self._x, self._z))
         self._time_us += STEP_US
         self._trace.append((self._x, self._z, self._heading, self._height()))
+
+    @property
+    def slipped_us(self) -> int:
+        """When one of the wheels last truly slipped."""
+        return self._grip.slipped_us
 
     # --- What may happen to a robot ---------------------------------------------------------------
 

@@ -22,6 +22,7 @@ MOST_SAMPLES = 20_000  # kept of a drive; beyond, those of every second look are
 SMALLEST_PX = 20  # regions with fewer pixels have no truth worth the name
 FALSE_STOP_CM = 20.0  # with so much room straight before the rim nothing was there to stop for
 FARTHEST_CM = 150.0  # room ahead is looked for up to here
+SLIPPED_S = 1.0  # nor where a wheel truly slipped within so long
 COMES_S = 10.0  # nor is it where something that moves comes by so soon
 COMES_CM = 60.0  # so near ahead of the rim
 LOOK_STEP_CM = 0.1
@@ -126,11 +127,12 @@ class Stop:
     reason: str
     true_room_cm: float  # straight before the rim, until something stands there
     gives_way: bool = False  # something that truly moves is about to come by ahead
+    slipped: bool = False  # a wheel truly slipped just before
 
     @property
     def is_false(self) -> bool:
         """Nothing was there to stop for."""
-        return self.true_room_cm >= FALSE_STOP_CM and not self.gives_way
+        return self.true_room_cm >= FALSE_STOP_CM and not self.gives_way and not self.slipped
 
 
 def region_mask(loops: Sequence[np.ndarray], shape: tuple[int, int]) -> np.ndarray:
@@ -221,7 +223,8 @@ class Score:
         """Take in what the robot was just told to do, and why; not the end of a drive."""
         if self._moves and not moves:
             now_s = self._simulation.clock.now_s()
-            self.stops.append(Stop(now_s, reason, self.room_ahead_cm(), self._something_comes()))
+            slipped = now_s - 1e-6 * self._simulation.body.slipped_us < SLIPPED_S
+            self.stops.append(Stop(now_s, reason, self.room_ahead_cm(), self._something_comes(), slipped))
         self._moves = moves
 
     def room_ahead_cm(self) -> float:

@@ -333,6 +333,7 @@ def test_a_wheel_that_slips_counts_on_and_moves_less() -> None:
     assert (body.axle[1], body.axle[2]) == (z, heading)
     assert board.counts(Side.LEFT) - counted > 20
     board.drive(body, 0.4, 0.4, 500)
+    assert body.time_us - body.slipped_us == pytest.approx(500_000, abs=2000)
     assert body.axle[1] - z == pytest.approx(0.5 * body.speed_cm_s, rel=1e-6)
     body.slip(0.5, 0.0, for_s=0.2)
     board.drive(body, 0.4, 0.4, 200)

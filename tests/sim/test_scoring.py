@@ -209,6 +209,19 @@ def test_a_stop_before_the_line_of_what_truly_comes_by_is_not_false(monkeypatch,
     assert stop.is_false == (not looks_across)
 
 
+@pytest.mark.parametrize("ago_s", [0.3, 3.0])
+def test_a_stop_because_a_wheel_truly_slipped_is_not_false(monkeypatch, ago_s: float) -> None:
+    simulation = Simulation("sim:room?seed=3")
+    simulation.clock.sleep_s(5.0)
+    monkeypatch.setattr(type(simulation.body), "slipped_us", round(1e6 * (5.0 - ago_s)))
+    score = Score(simulation)
+    score.hear(moves=True, reason="straight")
+    score.hear(moves=False, reason="stop: slipping")
+    (stop,) = score.stops
+    assert stop.true_room_cm > 20.0
+    assert stop.is_false == (ago_s == 3.0)
+
+
 def test_of_a_long_drive_whole_frames_are_let_go_every_second_one():
     samples = [
         DepthSample(0.5 * k, region, 1, False, 100.0, 1.0, 99.0) for k in range(5) for region in range(3)
