@@ -52,7 +52,7 @@ class MjpegStream:
                     break
                 self._connection.close()
                 at = urljoin(at, moved)
-            except (OSError, ValueError, http.client.HTTPException) as error:  # ValueError: of where it leads to
+            except (OSError, ValueError, http.client.HTTPException) as error:  # ValueError: leads nowhere
                 self._connection.close()
                 raise DeviceError(
                     f"camera {at}: does not answer ({error or type(error).__name__}); is it on, and is the "

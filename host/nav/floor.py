@@ -27,9 +27,7 @@ SIGMA_RAY = 0.01  # of the tilt of the floor's plane against the camera, rad
 LIKE_HUE = 0.05  # colours over their brightness that differ by less are the same, at the lower border
 LIKE_LIGHT = 1.3  # if one is no brighter than this times the other
 LOOK_EVERY = 5  # frames, to learn the floor's colour at the lower border
-AT_HORIZON_PX = (
-    6  # a region that ends so little above it is floor as far as it goes, and gets lighter far away
-)
+AT_HORIZON_PX = 6  # what ends so little above it is floor as far as it goes, and gets lighter far away
 OUTLINE_PX = 3  # so near to an outline colours are mixed
 VOTE = 0.2  # what one frame's depths count; a new region begins at 1 or -0.1 by its looks
 PLAIN = 0.6  # and what its colour does where the region lies all before the robot
