@@ -30,6 +30,7 @@ MOST_SUPPORT = 6.0
 DOUBTED_CM = 1.5  # what is less sure is forgotten when floor is seen beyond it
 PASSED_CM = 4.0  # by so much
 SURE_SUPPORT = 1.5  # frames from near that saw it
+FIRM_SUPPORT = 5.5  # and that saw it, and did not see past it, where it surely is no fleck
 EDGES = 0.003  # rms of feet about one or two lines: straight fronts, of which rows of 2 px make 0.002
 EDGE_COLUMNS = 25  # the flank of a ball in fewer is as straight; it is at the side, out of the way
 SLIVER = 0.03  # feet that jump by this at either end are another thing's, through a gap of the outline
@@ -57,6 +58,7 @@ class Met:
     region: int
     along_cm: float  # of the place it touches, from its middle
     by_foot: bool  # its foot was seen
+    firm: bool  # often, and not contradicted since
 
 
 class Profile:
@@ -242,6 +244,7 @@ class Profile:
             int(self._region[strip]),
             float(self.along_cm[strip] - along),
             bool(self._by_foot[strip]),
+            bool(self._support[strip] >= FIRM_SUPPORT),
         )
 
     def clear_cm(self, x_cm: float, z_cm: float, radius_cm: float) -> float:

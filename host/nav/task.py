@@ -45,7 +45,7 @@ ARRIVED_CM = 0.4
 SLOWEST_CM_S = 1.5  # creeping up to where it is to stop
 BELOW_CM = 24.0  # what is nearer to the rim has its foot below the picture, and is only remembered
 COARSE_CELLS = 2.0  # by so much a thing's filled cells may lie before where it was last seen to stand
-STEP_BACK_CM = 32.0  # from there the camera sees what was below its picture
+STEP_BACK_CM = 40.0  # from there the camera sees what was below its picture
 LOOK_S = 1.0  # and so long it looks
 SETTLE_S = 1.0  # stands this long before something remembered, which may yet be seen to be gone
 
@@ -192,6 +192,7 @@ class Approach:
         self.stop_cm = stop_cm
         self._heading: float | None = None
         self._profile: Profile | None = None
+        self._map: ObstacleMap | None = None  # that the profile goes with
         self._sight_s = -math.inf  # of the newest that the profile knows
         self._start: tuple[float, float] | None = None
         self._stands_s: float | None = None  # since when
@@ -221,6 +222,9 @@ class Approach:
             ahead, blind_cm=math.inf
         )  # straight from where it was set down, it looks where it goes
         if met and ahead.room_cm - self.stop_cm < ARRIVED_CM:
+            if not met.firm and not self._looked_again:  # it may be a fleck of the floor
+                self._back_from = (x, z)
+                return Command(0.0, 0.0, f"stop: {ahead.room_cm:.1f} cm before {ahead}, seen too briefly")
             return Command(0.0, 0.0, f"{ahead.room_cm:.1f} cm before {ahead}", "approached")
         first = not met and math.dist(self._start, (x, z)) < FIRST_CM
         if first and ahead.room_cm > max(FIRST_ROOM_CM, self.stop_cm):
@@ -250,8 +254,8 @@ class Approach:
     def _seen(self, obstacle_map: ObstacleMap, here: tuple[float, float]) -> Profile:
         """What the newest frame adds to what is known of the way ahead."""
         assert self._heading is not None
-        if self._profile is None:
-            self._profile = Profile(*here, self._heading)
+        if self._profile is None or obstacle_map is not self._map:  # a new map: the robot is elsewhere
+            self._profile, self._map = Profile(*here, self._heading), obstacle_map
         sight = obstacle_map.sight
         if sight is not None and sight.t_s > self._sight_s:
             self._profile.see(sight)
@@ -260,8 +264,8 @@ class Approach:
 
     def _ahead(
         self, obstacle_map: ObstacleMap, profile: Profile, here: tuple[float, float], heading: float
-    ) -> tuple[Ahead, bool]:
-        """What is ahead, and whether its front was seen: then that counts and not the cells it filled.
+    ) -> tuple[Ahead, Met | None]:
+        """What is ahead, and its front if that was seen: then that counts and not the cells it filled.
 
         Cells are coarse, and some are filled by what was seen badly from afar. Where floor was seen from near
         they say nothing, unless of what moves or has appeared below the picture.
@@ -280,10 +284,10 @@ class Approach:
             below = met.room_cm < BELOW_CM
             if near or passed or below:
                 thing, sigma = _met(obstacle_map, met), met.sigma_cm
-                return replace(ahead, room_cm=met.room_cm, obstacle=thing, edge=False, sigma_cm=sigma), True
+                return replace(ahead, room_cm=met.room_cm, obstacle=thing, edge=False, sigma_cm=sigma), met
         elif not ahead.edge and not fleeting and ahead.room_cm + cell < clear:
-            return replace(ahead, room_cm=clear, obstacle=None), False
-        return ahead, False
+            return replace(ahead, room_cm=clear, obstacle=None), None
+        return ahead, None
 
     def _step_back(
         self, obstacle_map: ObstacleMap, t_s: float, here: tuple[float, float], heading: float
@@ -293,7 +297,8 @@ class Approach:
             return None
         gone = math.dist(self._back_from, here)
         behind = look_ahead(obstacle_map, *here, wrap(heading + math.pi))
-        room = min(behind.room_cm, behind.unseen_cm) - obstacle_map.config.clearance_cm
+        come = 0.0 if self._profile is None else self._profile.place_of(*here)[0]  # straight to here
+        room = min(behind.room_cm, max(behind.unseen_cm, come)) - obstacle_map.config.clearance_cm
         if self._back_s is None and gone < STEP_BACK_CM and room > 1.0:
             v = min(obstacle_map.config.creep_cm_s, brakeable_cm_s(obstacle_map.config, room))
             return Command(-10 * v, 0.0, f"stepping back {STEP_BACK_CM - gone:.0f} cm to look again")

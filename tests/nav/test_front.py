@@ -154,3 +154,15 @@ def test_a_ball_is_met_at_its_nearest_point_which_lies_before_its_foot():
     for _ in range(4):
         look(profile, ball, 0.0, (thing,))
     assert met(profile, 0.0).along_cm == pytest.approx(15.0 / 0.31 - 6.0 + CAMERA_AHEAD_CM, abs=0.5)
+
+
+def test_a_front_is_firm_once_it_was_seen_often_and_not_seen_past_since():
+    profile = Profile(0.0, 0.0, 0.0)
+    for k in range(4):
+        look(profile, flat_front(50.0, 0.3, seed=k), 0.0)
+    assert not met(profile, 0.0).firm
+    for k in range(4):
+        look(profile, flat_front(50.0, 0.3, seed=k), 0.0)
+    assert met(profile, 0.0).firm
+    look(profile, bare_floor(), 0.0)
+    assert not met(profile, 0.0).firm
