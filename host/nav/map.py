@@ -205,10 +205,11 @@ class ObstacleMap:
         self.evidence[around & (self.evidence == 0.0)] = LOOKED_OVER
 
     def shut(self, points_cm: np.ndarray) -> None:
-        """Something hides these places (N, 2) from a camera that looks right at them."""
+        """Something hides these places (N, 2) from a camera that looks at them; not those seen by now."""
         for x, z in points_cm.tolist():
             at = self.cell_of(x, z)
-            self.evidence[at], self.region[at], self.brief[at] = BRIEF, NO_REGION, True
+            if LOOKED <= self.evidence[at] <= OCCUPIED:
+                self.evidence[at], self.region[at], self.brief[at] = BRIEF, NO_REGION, True
 
     def update(
         self,

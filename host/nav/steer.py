@@ -57,6 +57,7 @@ SLOWEST_TURN_RAD_S = 0.35  # slower turns stick, and their edges come too far ap
 BEND_RAD_S = 0.25  # most a straight piece may bend
 FIRST_CM = 5.0  # straight ahead before anything else: nothing has a depth yet
 FIRST_ROOM_CM = 20.0  # if there is this much room
+FIRST_LEAST_ROOM_CM = 10.0  # or this much where nobody set it down: standing it tells floor from nothing
 WORTH_CM = 15.0  # a way that does not reach the goal must bring the robot this much nearer
 LEAST_ROOM_CM = 8.0  # a heading with less room than this is no way on
 SEEN_FROM_CM = 60.0  # a goal that is covered is believed to be from here
@@ -64,9 +65,9 @@ ALL_ROUND_RAD = math.radians(150)
 ONTO_BLIND_CM = 3.0  # the rim goes no farther onto floor it never looked at
 GLANCE_FROM_CM = 10.0  # before a straight piece that comes to such floor within this it looks there,
 GLANCE_CM = 35.0  # and at all such floor within this: the camera sees what is farther on the way
-FACED_RAD, FACED_S = math.radians(4), 0.4  # it looks right at a place if so straight; for so long
-IN_VIEW = 0.4  # X/Z up to which what is hidden then is taken to be shut
+IN_VIEW, IN_VIEW_S = 0.4, 0.8  # X/Z up to which a place is well in view; hidden if not seen in so long
 NEXT_CM = 2.5  # or this far aside
+NEW_SIGHT_CM = 10.0  # what is hidden from here is so from everywhere within this
 SET_DOWN_CM = 20.0  # so much room about its rim has who sets it down
 SIDE_STEP_RAD = math.radians(15)  # headings tried where the way is shut right at the rim
 
@@ -128,7 +129,16 @@ class Glance:
     here: tuple[float, float]
     heading: float  # of the way
     side: float  # where it looks now: 1.0 right of the way, -1.0 left
-    faced_s: float | None = None  # since when it looks right at what it has not seen there
+    viewed_s: float | None = None  # since when what it has not seen there is well in view
+
+
+@dataclass(frozen=True)
+class Stuck:
+    """Where all is shut right at the rim: it turns once all round to see that anew, and no more."""
+
+    here: tuple[float, float]
+    heading: float  # last
+    turned_rad: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -146,7 +156,11 @@ class Plan:
     aim: tuple[float, float] | None = None
     piece_from: tuple[float, float] | None = None  # where the present straight piece began; None: turning
     glance: Glance | None = None  # under way
+    hidden: tuple[tuple[float, float], ...] = ()  # (x, z) that did not come to sight from `hidden_from`
+    hidden_from: tuple[float, float] | None = None
+    stuck: Stuck | None = None
     lost_s: float | None = None  # since when there has been no way
+    set_down: bool = True  # by somebody who has looked around it
     begun: bool = False  # the first steps, which nothing but the view ahead guides, are made
     start: tuple[float, float] | None = None  # where the axle's middle stood at the first decision
     looked_rad: float = 0.0  # turned while looking for a way
@@ -244,13 +258,16 @@ def decide(
         return held.command, replace(plan, piece_from=None, lost_s=None, v_cm_s=v_cm_s)
     if not plan.begun:
         if plan.start is None:
-            obstacle_map.set_down(x, z, SET_DOWN_CM)
+            if plan.set_down:
+                obstacle_map.set_down(x, z, SET_DOWN_CM)
             plan = replace(plan, start=(x, z))
         ahead = look_ahead(obstacle_map, x, z, heading)
         first = math.dist(plan.start or (x, z), (x, z)) < FIRST_CM
-        if first and ahead.room_cm > FIRST_ROOM_CM and not held.stands:
+        room = FIRST_ROOM_CM if plan.set_down else FIRST_LEAST_ROOM_CM
+        v = min(config.creep_cm_s, speed_ahead(ahead, obstacle_map)[0])
+        if first and ahead.room_cm > room and v > 0.0 and not held.stands:
             reason = f"creep: first steps to give depth its baseline, {ahead.room_cm:.0f} cm free ahead"
-            return Command(10 * config.creep_cm_s, 0.0, reason), plan
+            return Command(10 * v, 0.0, reason), plan
         plan = replace(plan, begun=True)
 
     command, plan = _cross(plan, held, obstacle_map, camera.t_s, (x, z), heading)
@@ -271,6 +288,12 @@ def _go(
 ) -> tuple[Command, Plan]:
     """Turn towards the next aim, or on towards it; where that is shut, at once towards another one."""
     config, (x, z) = obstacle_map.config, here
+    if plan.hidden:
+        plan = _hide(plan, obstacle_map, here, np.empty((0, 2)))
+    if plan.stuck is not None:
+        command, plan = _turn_all_round(plan, obstacle_map, here, heading)
+        if command is not None:
+            return command, plan
     if plan.glance is not None:
         command, plan = _glance(plan, obstacle_map, t_s, here, heading)
         if command is not None:
@@ -316,7 +339,7 @@ def _go(
         plan = replace(plan, made_s=-math.inf, way=None, aim=None, piece_from=None)
         plan = replace(plan, cross=None, no_cross_s=no_cross_s)
         if again:
-            return Command(0.0, 0.0, reason), plan
+            return _stuck(plan, config, here, heading, reason)
         return _go(plan, held, obstacle_map, t_s, here, heading, goal_cm, again=True)
     omega = max(-BEND_RAD_S, min(BEND_RAD_S, 1.0 * error))
     v *= 1 - 0.7 * min(1.0, abs(error) / TURN_FROM_RAD)  # so that the bend stays near the line
@@ -341,23 +364,62 @@ def _glance(
         turned = wrap(heading - glance.heading)
         sides = [s for s in (1.0, -1.0) if (aside * s > 0.0).any()] or [1.0]
         side = max(sides, key=lambda s: s * turned)
-        glance = replace(glance, side=side, faced_s=None)
-    off = wrap(float(bearings[int((aside * side).argmax())]) - heading)
-    if abs(off) > FACED_RAD:
-        plan = replace(plan, glance=replace(glance, faced_s=None), piece_from=None)
-        omega = min(obstacle_map.config.turn_rad_s, max(SLOWEST_TURN_RAD_S, 1.5 * abs(off)))
-        where = "right" if off > 0 else "left"
-        reason = f"turn {where} by {abs(math.degrees(off)):.0f} deg: never looked at the floor there"
-        return Command(0.0, math.copysign(omega, off), reason), plan
-    faced = t_s if glance.faced_s is None else glance.faced_s
-    if t_s - faced > FACED_S:
-        dx, dz = (spots - here).T
-        depth = dx * math.sin(heading) + dz * math.cos(heading) - obstacle_map.body.camera_ahead_cm
-        across = np.abs(dx * math.cos(heading) - dz * math.sin(heading))
-        obstacle_map.shut(spots[(depth > 0.0) & (across < np.maximum(IN_VIEW * depth, NEXT_CM))])
-        return None, replace(plan, glance=None, piece_from=None, made_s=-math.inf, way=None, aim=None)
-    plan = replace(plan, glance=replace(glance, faced_s=faced), piece_from=None)
-    return Command(0.0, 0.0, "stop: something hides the floor beside the way"), plan
+        glance = replace(glance, side=side, viewed_s=None)
+    last = int((aside * side).argmax())
+    off = wrap(float(bearings[last]) - heading)
+    dx, dz = (spots - here).T
+    depth = dx * math.sin(heading) + dz * math.cos(heading) - obstacle_map.body.camera_ahead_cm
+    across = np.abs(dx * math.cos(heading) - dz * math.sin(heading))
+    viewed = (depth > 0.0) & (across < np.maximum(IN_VIEW * depth, NEXT_CM))
+    since = (t_s if glance.viewed_s is None else glance.viewed_s) if viewed[last] else None
+    plan = replace(plan, glance=replace(glance, viewed_s=since), piece_from=None)
+    if since is not None and t_s - since > IN_VIEW_S:
+        plan = _hide(plan, obstacle_map, here, spots[viewed])
+        return None, replace(plan, glance=None, made_s=-math.inf, way=None, aim=None)
+    omega = min(obstacle_map.config.turn_rad_s, max(SLOWEST_TURN_RAD_S, 1.5 * abs(off)))
+    where = "right" if off > 0 else "left"
+    reason = f"turn {where} by {abs(math.degrees(off)):.0f} deg: never looked at the floor there"
+    return Command(0.0, math.copysign(omega, off), reason), plan
+
+
+def _hide(plan: Plan, obstacle_map: ObstacleMap, here: tuple[float, float], spots: np.ndarray) -> Plan:
+    """What looking at it did not show is shut, and stays so until the robot looks from elsewhere."""
+    if plan.hidden_from is None or math.dist(plan.hidden_from, here) > NEW_SIGHT_CM:
+        plan = replace(plan, hidden=(), hidden_from=here)
+    plan = replace(plan, hidden=plan.hidden + tuple((x, z) for x, z in spots.tolist()))
+    obstacle_map.shut(np.reshape(plan.hidden, (-1, 2)))
+    return plan
+
+
+def _stuck(
+    plan: Plan, config: NavConfig, here: tuple[float, float], heading: float, reason: str
+) -> tuple[Command, Plan]:
+    """Something is in the way at the rim: look all round; blocked where that was done already."""
+    stuck = plan.stuck or Stuck(here, heading)
+    if stuck.turned_rad >= 2 * math.pi:
+        return Command(0.0, 0.0, f"blocked: no way on after looking around; {reason}", "blocked"), plan
+    plan = replace(plan, stuck=stuck, hidden=(), hidden_from=None)
+    return Command(0.0, config.turn_rad_s, f"looking around: {reason}"), plan
+
+
+def _turn_all_round(
+    plan: Plan, obstacle_map: ObstacleMap, here: tuple[float, float], heading: float
+) -> tuple[Command | None, Plan]:
+    """No command once that is done or some heading is open; forgotten once the robot gets on."""
+    stuck, (x, z) = plan.stuck, here
+    assert stuck is not None
+    if math.dist(stuck.here, here) > ONTO_BLIND_CM:
+        return None, replace(plan, stuck=None)
+    headings = np.arange(0.0, 2 * math.pi, SIDE_STEP_RAD).tolist()
+    if any(look_ahead(obstacle_map, x, z, heading + way).room_cm > LEAST_ROOM_CM for way in headings):
+        return None, replace(plan, stuck=replace(stuck, heading=heading))
+    turned = stuck.turned_rad + abs(wrap(heading - stuck.heading))
+    plan = replace(plan, stuck=replace(stuck, heading=heading, turned_rad=turned), made_s=-math.inf)
+    if turned >= 2 * math.pi:
+        return None, plan
+    left = math.degrees(2 * math.pi - turned)
+    turn_rad_s = obstacle_map.config.turn_rad_s
+    return Command(0.0, turn_rad_s, f"looking around for another {left:.0f} deg: no way on"), plan
 
 
 def _is_blind(ahead: Ahead, config: NavConfig) -> bool:

@@ -67,7 +67,7 @@ class Route:
     def __init__(self, goals_cm: list[tuple[float, float]], set_down: bool = True) -> None:
         self.goals_cm = tuple(goals_cm)  # all of them, whatever was reached
         self._goals = list(goals_cm)
-        self._plan = Plan(begun=not set_down)
+        self._plan = Plan(set_down=set_down)
 
     def decide(self, obstacle_map: ObstacleMap, camera: Pose) -> Command:
         command, self._plan = decide(self._plan, obstacle_map, camera, self._goals[0])
@@ -86,7 +86,7 @@ class Explore:
     """
 
     def __init__(self, set_down: bool = True) -> None:
-        self._plan = Plan(begun=not set_down)
+        self._plan = Plan(set_down=set_down)
         self._target: tuple[float, float] | None = None
         self._chosen_s = -math.inf
         self._done_with: list[tuple[float, float]] = []

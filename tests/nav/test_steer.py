@@ -95,8 +95,24 @@ def test_what_hides_floor_that_it_looks_right_at_counts_as_filled():
         command, plan = decide(plan, floor, camera(0, 0, heading, 0.1 * k), (0, 200))
         heading += 0.1 * command.omega_rad_s
         assert command.v_mm_s == 0 or floor.evidence[cell] > OCCUPIED
+        assert command.v_mm_s > 0 or command.omega_rad_s != 0  # it looks without standing about
     assert floor.evidence[cell] > OCCUPIED
     assert command.v_mm_s > 0  # another way
+
+
+def test_what_stayed_hidden_is_not_looked_at_again_and_again_from_one_place():
+    floor, heading, plan, t_s = open_floor(), 0.0, Plan(begun=True), 0.0
+    x, z = np.meshgrid(floor.centres_cm, floor.centres_cm)
+    away = np.hypot(x, z)
+    ring = (away > BODY.radius_cm + CONFIG.cell_cm) & (away < 30) & ((z > 0) | (np.abs(x) > 20))
+    command = None
+    while t_s < 60 and (command is None or command.v_mm_s == 0):
+        floor.evidence[ring] = 0.0  # who looks elsewhere sees that nothing stands there, and not the floor
+        command, plan = decide(plan, floor, camera(0, 0, heading, t_s), (0, 200))
+        heading += 0.1 * command.omega_rad_s
+        t_s += 0.1
+    assert command is not None and command.v_mm_s > 0
+    assert abs(math.remainder(heading - math.pi, 2 * math.pi)) < math.radians(60)
 
 
 def test_the_rim_never_goes_onto_floor_it_never_looked_at():
@@ -111,6 +127,32 @@ def test_the_rim_never_goes_onto_floor_it_never_looked_at():
         gap -= 0.1 * v
     assert -ONTO_BLIND_CM < gap < 0.0
     assert reason == "stop: never looked at the floor at the rim"
+
+
+def test_where_nobody_set_it_down_the_first_steps_end_where_it_never_looked():
+    floor, plan, z, command = ObstacleMap(BODY, CONFIG), Plan(set_down=False), 0.0, None
+    floor.stand_on(0, 0)
+    blind_cm = look_ahead(floor, 0, 0, 0.0).blind_cm
+    for k in range(40):
+        command, plan = decide(plan, floor, camera(0, z, 0, 0.05 * k), (0, 200))
+        if command.v_mm_s <= 0:
+            break
+        assert "first steps" in command.reason
+        z += 0.005 * command.v_mm_s
+    assert 2.0 < z < blind_cm + ONTO_BLIND_CM + 0.1
+
+
+def test_where_it_is_shut_in_right_at_the_rim_it_looks_all_round_once_and_says_why_it_ends():
+    floor, heading, plan, t_s, command = open_floor(), 0.0, Plan(begun=True), 0.0, None
+    for x, z in [(-5, 20), (-10, 15), (0, 20), (15, 0), (15, -10), (-5, -15), (-15, 0), (10, 15)]:
+        floor.evidence[floor.cell_of(x, z)] = LIMIT
+    while t_s < 30 and (command is None or command.outcome is None):
+        command, plan = decide(plan, floor, camera(0, 0, heading, t_s), (0, 200))
+        assert command.v_mm_s == 0
+        heading += 0.1 * command.omega_rad_s
+        t_s += 0.1
+    assert command is not None and command.outcome == "blocked"
+    assert "looking around" in command.reason
 
 
 def test_a_goal_to_the_right_is_turned_to_in_place_and_to_the_right():
