@@ -3,7 +3,8 @@
 A foot on the floor is seen well from near and is below the picture at the very end. So every strip of the way
 remembers where its foot was, as a mean that is weighted by variance, and wheels carry that on. A worse
 measurement, such as a late depth of something cut off, then changes next to nothing. What is
-looked at again and is not there is forgotten.
+looked at again and is not there is forgotten; what was seen for a moment only, before a front that was seen
+often and then is seen again, was a fleck of the floor.
 """
 
 from __future__ import annotations
@@ -77,6 +78,8 @@ class Profile:
         self._by_foot = np.zeros(count, bool)
         self._clear_cm = np.full(count, -np.inf)  # floor was seen up to here
         self._camera_cm: float | None = None  # along the way
+        self._behind_cm = np.full(count, np.inf)  # the firm front that a nearer one took the place of
+        self._again = np.zeros(count)  # how often it was seen since
         self._edged: set[int] = set()  # regions that stand on straight edges
 
     def place_of(self, x_cm: float, z_cm: float) -> tuple[float, float]:
@@ -213,6 +216,11 @@ class Profile:
             limit = GATE * np.sqrt(variance + noise) + GATE_CM
         agrees = np.isfinite(before) & (np.abs(off) < limit)
         new = ~np.isfinite(before) | (~agrees & (off < 0.0))
+        self._behind_cm[self._support >= FIRM_SUPPORT] = np.inf
+        firm = new & np.isfinite(before) & self._by_foot[strips] & (self._support[strips] >= FIRM_SUPPORT)
+        self._behind_cm[strips[firm]], self._again[strips[firm]] = before[firm], 0.0
+        self._again[strips[agrees]] = 0.0
+        new |= self._is_again(strips, along, z, ~agrees & ~new & ~feet.cut[columns], limit)
         one = strips[agrees]
         gain = variance[agrees] / (variance[agrees] + ALIKE * noise[agrees])
         self.along_cm[one] += gain * off[agrees]
@@ -226,6 +234,14 @@ class Profile:
         self._by_foot[strips[changed]] = ~feet.cut[columns[changed]] | (
             self._by_foot[strips[changed]] & agrees[changed]
         )
+
+    def _is_again(
+        self, strips: np.ndarray, along: np.ndarray, z: np.ndarray, beyond: np.ndarray, limit: np.ndarray
+    ) -> np.ndarray:
+        """Where a firm front is seen again more often than what stood before it for a moment: a fleck."""
+        again = beyond & (np.abs(along - self._behind_cm[strips]) < limit)
+        self._again[strips[again]] += _weight_of(z[again])
+        return again & (self._again[strips] > self._support[strips])
 
     def met(self, x_cm: float, z_cm: float, radius_cm: float) -> Met | None:
         """What a disc at a place meets first; None while nothing is surely there."""

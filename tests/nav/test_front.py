@@ -166,3 +166,16 @@ def test_a_front_is_firm_once_it_was_seen_often_and_not_seen_past_since():
     assert met(profile, 0.0).firm
     look(profile, bare_floor(), 0.0)
     assert not met(profile, 0.0).firm
+
+
+@pytest.mark.parametrize(("pictures", "stays"), [(3, False), (7, True)])
+def test_a_fleck_before_a_firm_front_is_gone_when_that_is_seen_again_more_often(pictures, stays):
+    profile = Profile(0.0, 0.0, 0.0)
+    for k in range(8):
+        look(profile, flat_front(60.0, 0.3, seed=k), 0.0)
+    for _ in range(pictures):
+        look(profile, flat_front(38.0), 0.0)
+    for k in range(5):  # now its own place is below what is surely in view
+        look(profile, flat_front(58.0, 0.3, seed=k), 2.0)
+    front = 38.0 if stays else 60.0
+    assert met(profile, 2.0).along_cm == pytest.approx(front + CAMERA_AHEAD_CM - 2.0, abs=1.0)
