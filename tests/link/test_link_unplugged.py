@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import threading
-import time
 from pathlib import Path
 
 import pytest
@@ -31,14 +30,10 @@ def test_a_port_that_goes_and_comes_back_is_opened_again(plug: Plug):
         for _ in range(2):
             drive(robot, 0.3)
             plug.put_in(False)
-            began_s = time.monotonic()
             with pytest.raises(DeviceError):
                 drive(robot, 2.0)
-            noticed_s = time.monotonic() - began_s
             threading.Timer(0.5, plug.put_in, [True]).start()
             back = robot.reconnect()
-            print(f"\nnoticed after {noticed_s:.2f} s; {back}")
-            assert noticed_s < 0.5
             assert not back.restarted
             assert "plug the robot in again" in back.why
         drive(robot, 0.3)
