@@ -15,7 +15,7 @@ import serial
 from plugged_robot import Plug, drive, plugged_in
 
 from host.errors import DeviceError, UsageError
-from host.link import ports
+from host.link import ports, serial_port
 from host.link.clock import SystemClock
 from host.link.ports import RobotPort, SerialDevice, ask_all, find_robot, list_devices
 from host.link.protocol import PROTOCOL_VERSION, Hello, ResetCause, State, encode
@@ -58,6 +58,12 @@ class Device(threading.Thread):
             return os.read(self._far, 65536)
         except BlockingIOError:
             return b""
+
+
+@pytest.fixture(autouse=True)
+def patient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A busy machine decides no test."""
+    monkeypatch.setattr(serial_port, "WRITE_TIMEOUT_S", 5.0)
 
 
 @pytest.fixture

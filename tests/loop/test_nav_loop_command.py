@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 
 import cv2
@@ -191,6 +192,7 @@ def test_ctrl_c_still_writes_the_result_and_exits_130(kind, tmp_path):
     process = subprocess.Popen(
         [*SCRIPT, "--camera", "sim:room?seed=3", "--json", "out.json"],
         cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        preexec_fn=partial(signal.signal, kind, signal.SIG_DFL),  # nohup around the tests ignores SIGHUP
     )  # fmt: skip
     try:
         assert process.stderr is not None

@@ -30,8 +30,6 @@ class UploadBench:
     ----------
     path : str
         The port.
-    opened : int
-        How often it was.
     """
 
     def __init__(self, board: AvrBoard) -> None:
@@ -40,7 +38,6 @@ class UploadBench:
         tty.setraw(port)
         self.path = os.ttyname(port)
         os.close(port)
-        self.opened = 0
         self._running = True
         self._is_open = False
         self._thread = threading.Thread(target=self._run, daemon=True)
@@ -71,7 +68,6 @@ class UploadBench:
         if not self._is_open:
             return
         if not was_open:
-            self.opened += 1
             self._board.reset(ResetCause.EXTERNAL)
         self._board.set_baud(self._baud())
         if events & select.POLLIN:
