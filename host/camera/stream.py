@@ -36,34 +36,39 @@ class MjpegStream:
     def __init__(self, url: str) -> None:
         at = url
         for _ in range(1 + MOVES):
-            self._connection = _connection(at)
-            try:
-                parts = urlsplit(at)
-                self._connection.connect()
-                self._socket: socket.socket = self._connection.sock  # it forgets it when the reply has begun
-                self._connection.request(
-                    "GET", (parts.path or "/") + (f"?{parts.query}" if parts.query else "")
-                )
-                self._reply = self._connection.getresponse()
-                moved = self._reply.getheader("Location") if 300 <= self._reply.status < 400 else None
-                if moved is None:
-                    self._boundary = _boundary(at, self._reply)
-                    self._socket.settimeout(SILENCE_S)
-                    break
-                self._connection.close()
-                at = urljoin(at, moved)
-            except (OSError, ValueError, http.client.HTTPException) as error:  # ValueError: leads nowhere
-                self._connection.close()
-                raise DeviceError(
-                    f"camera {at}: does not answer ({error or type(error).__name__}); is it on, and is the "
-                    f"address right?"
-                ) from None
-            except DeviceError:
-                self._connection.close()
-                raise
+            moved = self._open(at)
+            if moved is None:
+                break
+            at = moved
         else:
             raise DeviceError(f"camera {url}: leads from one address to the next; give the last, {at}")
         self._bytes = bytearray()
+
+    def _open(self, at: str) -> str | None:
+        """Begin the stream of an address; else where that leads."""
+        self._connection = _connection(at)
+        try:
+            parts = urlsplit(at)
+            self._connection.connect()
+            self._socket: socket.socket = self._connection.sock  # it forgets it when the reply has begun
+            self._connection.request("GET", (parts.path or "/") + (f"?{parts.query}" if parts.query else ""))
+            self._reply = self._connection.getresponse()
+            moved = self._reply.getheader("Location") if 300 <= self._reply.status < 400 else None
+            if moved is None:
+                self._boundary = _boundary(at, self._reply)
+                self._socket.settimeout(SILENCE_S)
+                return None
+            self._connection.close()
+            return urljoin(at, moved)
+        except (OSError, ValueError, http.client.HTTPException) as error:  # ValueError: leads nowhere
+            self._connection.close()
+            raise DeviceError(
+                f"camera {at}: does not answer ({error or type(error).__name__}); is it on, and is the "
+                f"address right?"
+            ) from None
+        except DeviceError:
+            self._connection.close()
+            raise
 
     def read(self) -> Shot | None:
         """The newest picture that has arrived, waited for; None where the stream ended or fell silent."""

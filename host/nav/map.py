@@ -251,9 +251,8 @@ class ObstacleMap:
                 mover, columns = near
                 if not mixed and float(columns[found.columns].mean()) > 0.5:
                     movers.add(region.id)
-                    velocity = mover.speed_cm_s * mover.ahead[0], mover.speed_cm_s * mover.ahead[1]
                     self.obstacles[region.id] = _obstacle(
-                        found, feet, pose.t_s, self._gone_cm, True, velocity
+                        found, feet, pose.t_s, self._gone_cm, True, mover.velocity_cm_s
                     )
                     continue
                 if (found := found.where(~columns)) is None:

@@ -100,9 +100,20 @@ class Mover:
         return self.seen >= OFTEN
 
     @property
+    def velocity_cm_s(self) -> tuple[float, float]:
+        """(x, z)."""
+        return self.speed_cm_s * self.ahead[0], self.speed_cm_s * self.ahead[1]
+
+    @property
+    def gone_cm(self) -> float:
+        """From end to end of where it was seen."""
+        low, high = self.been_cm
+        return high - low
+
+    @property
     def understood(self) -> bool:
         """It was seen to go far: what fits it badly is something else, or badly seen."""
-        return self.certain and self.been_cm[1] - self.been_cm[0] > LONG_CM
+        return self.certain and self.gone_cm > LONG_CM
 
     @property
     def lost(self) -> bool:
@@ -114,7 +125,7 @@ class Mover:
         """So long after it was last seen it is reckoned with."""
         if not self.certain:
             return BRIEFLY_S
-        if self.been_cm[1] - self.been_cm[0] < LONG_CM:
+        if self.gone_cm < LONG_CM:
             return HARDLY_S
         return REMEMBERED_S if self.low_cm is None or self.high_cm is None else FORESEEN_S
 
@@ -166,7 +177,7 @@ class Mover:
             return np.full(len(t_s), low_cm), np.full(len(t_s), high_cm)
         straight = abs(self.speed_cm_s) * np.maximum(t_s - self.t_s, 0.0)
         spread = SPREAD_CM + SURE_SIGMAS * self.sigma_cm(t_s)
-        if self.been_cm[1] - self.been_cm[0] < LONG_CM:  # nobody knows yet how fast, nor which way
+        if self.gone_cm < LONG_CM:  # nobody knows yet how fast, nor which way
             spread = spread + UNKNOWN_CM_S * np.maximum(t_s - self.t_s, 0.0)
         way = math.copysign(1.0, self.speed_cm_s)
         should = self.place(t_s)

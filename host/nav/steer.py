@@ -289,7 +289,7 @@ def _go(
     """Turn towards the next aim, or on towards it; where that is shut, at once towards another one."""
     config, (x, z) = obstacle_map.config, here
     if plan.hidden:
-        plan = _hide(plan, obstacle_map, here, np.empty((0, 2)))
+        plan = _hide(plan, obstacle_map, here)
     if plan.stuck is not None:
         command, plan = _turn_all_round(plan, obstacle_map, here, heading)
         if command is not None:
@@ -315,10 +315,8 @@ def _go(
         because = ", to look where the floor is not seen yet" if plan.unseen else ""
         if why.obstacle and why.room_cm < 60:
             because = f", {why.obstacle} is in the way"
-        side = "right" if error > 0 else "left"
-        omega = math.copysign(min(config.turn_rad_s, max(SLOWEST_TURN_RAD_S, 1.5 * abs(error))), error)
-        reason = f"turn {side} by {abs(math.degrees(error)):.0f} deg towards the aim{because}"
-        return Command(0.0, omega, reason, way=way), replace(plan, piece_from=None)
+        reason = f"{_by(error)} towards the aim{because}"
+        return Command(0.0, _turn_rad_s(error, config), reason, way=way), replace(plan, piece_from=None)
 
     piece_from = plan.piece_from or (x, z)
     plan = replace(plan, piece_from=piece_from)
@@ -374,19 +372,31 @@ def _glance(
     since = (t_s if glance.viewed_s is None else glance.viewed_s) if viewed[last] else None
     plan = replace(plan, glance=replace(glance, viewed_s=since), piece_from=None)
     if since is not None and t_s - since > IN_VIEW_S:
-        plan = _hide(plan, obstacle_map, here, spots[viewed])
+        plan = _hide(plan, obstacle_map, here, tuple((x, z) for x, z in spots[viewed].tolist()))
         return None, replace(plan, glance=None, made_s=-math.inf, way=None, aim=None)
-    omega = min(obstacle_map.config.turn_rad_s, max(SLOWEST_TURN_RAD_S, 1.5 * abs(off)))
-    where = "right" if off > 0 else "left"
-    reason = f"turn {where} by {abs(math.degrees(off)):.0f} deg: never looked at the floor there"
-    return Command(0.0, math.copysign(omega, off), reason), plan
+    reason = f"{_by(off)}: never looked at the floor there"
+    return Command(0.0, _turn_rad_s(off, obstacle_map.config), reason), plan
 
 
-def _hide(plan: Plan, obstacle_map: ObstacleMap, here: tuple[float, float], spots: np.ndarray) -> Plan:
+def _turn_rad_s(off: float, config: NavConfig) -> float:
+    """How fast to turn in place towards what is so far off straight ahead."""
+    return math.copysign(min(config.turn_rad_s, max(SLOWEST_TURN_RAD_S, 1.5 * abs(off))), off)
+
+
+def _by(off: float) -> str:
+    return f"turn {'right' if off > 0 else 'left'} by {abs(math.degrees(off)):.0f} deg"
+
+
+def _hide(
+    plan: Plan,
+    obstacle_map: ObstacleMap,
+    here: tuple[float, float],
+    spots: tuple[tuple[float, float], ...] = (),
+) -> Plan:
     """What looking at it did not show is shut, and stays so until the robot looks from elsewhere."""
     if plan.hidden_from is None or math.dist(plan.hidden_from, here) > NEW_SIGHT_CM:
         plan = replace(plan, hidden=(), hidden_from=here)
-    plan = replace(plan, hidden=plan.hidden + tuple((x, z) for x, z in spots.tolist()))
+    plan = replace(plan, hidden=plan.hidden + spots)
     obstacle_map.shut(np.reshape(plan.hidden, (-1, 2)))
     return plan
 
@@ -598,8 +608,7 @@ def _watch(held: Held, heading: float, across: float, obstacle_map: ObstacleMap)
     off = wrap(across - heading)
     thing = "something" if held.verdict is None else str(held.verdict)
     if abs(off) > FACING_RAD:
-        omega = min(obstacle_map.config.turn_rad_s, max(SLOWEST_TURN_RAD_S, 1.5 * abs(off)))
-        return Command(0.0, math.copysign(omega, off), f"turn to watch {thing}, giving way")
+        return Command(0.0, _turn_rad_s(off, obstacle_map.config), f"turn to watch {thing}, giving way")
     return Command(0.0, 0.0, f"stop: {thing} crosses ahead, giving way")
 
 

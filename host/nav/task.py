@@ -218,9 +218,7 @@ class Approach:
         if (back := self._step_back(obstacle_map, camera.t_s, (x, z), heading)) is not None:
             return back
         ahead, met = self._ahead(obstacle_map, profile, (x, z), heading)
-        ahead = replace(
-            ahead, blind_cm=math.inf
-        )  # straight from where it was set down, it looks where it goes
+        ahead = replace(ahead, blind_cm=math.inf)  # it looks where it goes, straight from its start
         if met and ahead.room_cm - self.stop_cm < ARRIVED_CM:
             if not met.firm and not self._looked_again:  # it may be a fleck of the floor
                 self._back_from = (x, z)

@@ -156,7 +156,7 @@ class Movers:
         for mover in self._all:
             held_s = LONG_HELD_S if mover.certain else HELD_S
             if mover.region == region and mover.seen >= CONFIRMED and t_s - mover.t_s < held_s:
-                return mover.speed_cm_s * mover.ahead[0], mover.speed_cm_s * mover.ahead[1]
+                return mover.velocity_cm_s
         return None
 
     def half_cm(self, region: int) -> float:

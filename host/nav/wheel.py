@@ -43,7 +43,7 @@ PERIOD_SIGMA = 0.07  # relative: uneven edges, and motors that lag more or less
 
 @cache
 def _starts(cell_cm: float) -> np.ndarray:
-    """(final speeds, leads, 3) seconds from the beginning of a start to the first three edges."""
+    """(final speeds, leads, 2) periods in s of the two cells after the first edge of a start."""
     t = np.linspace(0.0, LONGEST_START_S, 600)
     edges = cell_cm * (LEADS[:, None] + np.arange(3))
     out = []
@@ -54,7 +54,10 @@ def _starts(cell_cm: float) -> np.ndarray:
         way = RAMP_CM_S2 * rising * (rising / 2 - LAG_S) + LAG_S * behind
         way += final * level - LAG_S * behind * (1 - np.exp(-level / LAG_S))
         out.append(np.interp(edges, way, t, right=math.inf))
-    return np.array(out)
+    with np.errstate(invalid="ignore"):  # slower starts than are looked at
+        periods = np.diff(np.array(out), axis=2)
+    periods[~np.isfinite(periods)] = LONGEST_START_S
+    return periods
 
 
 def lead_in(periods_s: list[float], cell_cm: float) -> tuple[float, float]:
@@ -62,11 +65,7 @@ def lead_in(periods_s: list[float], cell_cm: float) -> tuple[float, float]:
 
     The mean over all starts, each as likely as it explains the periods.
     """
-    starts = _starts(cell_cm)
-    with np.errstate(invalid="ignore"):  # slower starts than are looked at
-        expected = np.diff(starts, axis=2)
-    expected[~np.isfinite(expected)] = LONGEST_START_S
-    cost = ((np.log(expected / np.array(periods_s[:2])) / PERIOD_SIGMA) ** 2).sum(axis=2)
+    cost = ((np.log(_starts(cell_cm) / np.array(periods_s[:2])) / PERIOD_SIGMA) ** 2).sum(axis=2)
     weight = np.exp(-0.5 * (cost - cost.min())).sum(axis=0)
     weight /= weight.sum()
     mean = float(weight @ LEADS)
