@@ -30,11 +30,11 @@ from host.pose import Pose, wrap
 
 if TYPE_CHECKING:  # so that --help need not wait for all of it
     from host.depth.report import DepthReport
+    from host.nav.command import Command
     from host.nav.map import ObstacleMap
     from host.nav.odometry import WheelReading
     from host.nav.pilot import View
     from host.nav.result import DriveLog
-    from host.nav.steer import Command
     from host.sim.session import Simulation
 
 REST_S = 0.4  # stands this long before and after
@@ -75,8 +75,8 @@ class Straight:
         self._arrived_s: float | None = None
 
     def decide(self, obstacle_map: ObstacleMap, camera: Pose) -> Command:
+        from host.nav.command import Command
         from host.nav.odometry import body_of
-        from host.nav.steer import Command
 
         x, z, heading = body_of(camera, obstacle_map.body.camera_ahead_cm)
         if self._start is None:

@@ -40,3 +40,8 @@ class Pose:
 def wrap(angle: AngleT) -> AngleT:
     """The same angle, or angles, within half a turn either way of 0."""
     return (angle + math.pi) % (2 * math.pi) - math.pi
+
+
+def bearing(start: tuple[float, float], end: tuple[float, float]) -> float:
+    """Heading from one place (x, z) to another, rad."""
+    return math.atan2(end[0] - start[0], end[1] - start[1])

@@ -14,13 +14,13 @@ from host.errors import EXIT_DEVICE, EXIT_DONE, EXIT_INTERRUPTED, EXIT_SAFETY, D
 from host.link.clock import Clock
 from host.link.protocol import Fault, State
 from host.link.robot import Robot
+from host.nav.command import Command
 from host.nav.config import NavConfig
 from host.nav.odometry import WheelReading
 from host.nav.pace import Pace
 from host.nav.pilot import Pilot, Stages, View
 from host.nav.result import DriveLog, Lateness, LostAndFound
 from host.nav.slip import WheelWatch
-from host.nav.steer import Command
 from host.nav.trace import Took, damaged
 from host.nav.watch import FrameWatch
 from host.pose import Pose

@@ -15,13 +15,13 @@ from host.camera.lens import Lens
 from host.depth.config import DepthConfig
 from host.depth.estimator import Estimator
 from host.depth.report import DepthReport
+from host.nav.command import Command
 from host.nav.config import BodyConfig, NavConfig
 from host.nav.delay import Delay
 from host.nav.localise import Localiser
 from host.nav.map import ObstacleMap
 from host.nav.odometry import Odometry, WheelReading, body_of
 from host.nav.stand import Standing
-from host.nav.steer import Command
 from host.nav.task import Task
 from host.pose import Pose
 from host.rbdn import Net, NetConfig, Snapshot

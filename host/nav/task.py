@@ -12,25 +12,16 @@ from typing import Protocol
 import cv2
 import numpy as np
 
+from host.nav.ahead import Ahead, brakeable_cm_s, look_ahead, speed_ahead
+from host.nav.command import Command
 from host.nav.front import Met, Profile
+from host.nav.give_way import give_way, up_to
+from host.nav.intent import Plan, Wait
 from host.nav.map import Obstacle, ObstacleMap
 from host.nav.odometry import body_of
 from host.nav.plan import at_points, room_around, tightest
 from host.nav.stand import AT_BORDER
-from host.nav.steer import (
-    FIRST_CM,
-    FIRST_ROOM_CM,
-    Ahead,
-    Command,
-    Plan,
-    Wait,
-    brakeable_cm_s,
-    decide,
-    give_way,
-    look_ahead,
-    speed_ahead,
-    up_to,
-)
+from host.nav.steer import FIRST_CM, FIRST_ROOM_CM, decide
 from host.pose import Pose, wrap
 
 FRONTIER_CELLS = 6  # fewer at a place are gaps between pixels, not a part of the room

@@ -16,6 +16,7 @@ import numpy as np
 from host.nav.config import BodyConfig, NavConfig
 from host.nav.map import Obstacle
 from host.nav.mover import Mover
+from host.pose import bearing
 
 FORESIGHT_S = 8.0
 LEAVE_S = 5.0  # who stands in a line looks so far ahead
@@ -96,7 +97,7 @@ def _against(
         if leave is not None:
             return Verdict(mover, 0.0, leave)
     steps = np.arange(0.0, FAR_CM, LOOK_CM)
-    heading = _bearing(course.here, course.points[0]) if course.points else course.heading
+    heading = bearing(course.here, course.points[0]) if course.points else course.heading
     ahead = here + steps[:, None] * np.array([math.sin(heading), math.cos(heading)])
     gaps = mover.least_gap_cm(ahead) - body.radius_cm
     shut = gaps < min(WAIT_CM, off) - LOOK_CM / 2
@@ -137,9 +138,9 @@ def _driven(course: Course, config: NavConfig, after: np.ndarray, part: float) -
     for now_s in after.tolist():
         places.append((x, z))
         if points:
-            bearing = _bearing((x, z), points[0])
-            turn = abs(math.remainder(bearing - heading, 2 * math.pi))
-            heading = bearing
+            onto = bearing((x, z), points[0])
+            turn = abs(math.remainder(onto - heading, 2 * math.pi))
+            heading = onto
             if turn > TURN_FROM_RAD:
                 turns_s, v = turn / config.turn_rad_s + AFTER_TURN_S, 0.0
                 room = math.inf  # straight ahead, where it no longer goes
@@ -157,10 +158,6 @@ def _driven(course: Course, config: NavConfig, after: np.ndarray, part: float) -
                 step = 0.0
         x, z, gone = x + step * math.sin(heading), z + step * math.cos(heading), gone + step
     return np.array(places)
-
-
-def _bearing(start: tuple[float, float], end: tuple[float, float]) -> float:
-    return math.atan2(end[0] - start[0], end[1] - start[1])
 
 
 def unknown_mover(

@@ -30,9 +30,9 @@ import numpy as np
 from host.camera.lens import Lens
 from host.depth.report import DepthReport, RegionDepth
 from host.errors import InputError
+from host.nav.command import Command
 from host.nav.odometry import WheelReading, heading_of
 from host.nav.pilot import View
-from host.nav.steer import Command
 from host.nav.task import Approach, Explore, MeasureOnly, Route, Task
 from host.pose import Pose
 from host.rbdn.snapshot import Snapshot

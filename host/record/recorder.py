@@ -23,10 +23,10 @@ from host.config import Config, config_text
 from host.link.clock import Clock, SystemClock
 from host.link.robot import Robot
 from host.link.transport import Transport
+from host.nav.command import Command
 from host.nav.odometry import WheelReading
 from host.nav.pilot import Pilot, View
 from host.nav.result import DriveLog
-from host.nav.steer import Command
 from host.nav.task import Task
 from host.record import ros
 from host.record.journal import FORMAT, lens_as_dict, task_as_dict

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 from driving import run, stands
 
+from host.nav.ahead import brakeable_cm_s
 from host.nav.config import NavConfig
 from host.nav.pace import MOTORS_S, Pace
-from host.nav.steer import brakeable_cm_s
 from host.nav.task import Route
 from host.sim.session import Simulation
 

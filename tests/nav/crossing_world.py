@@ -13,9 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from host.nav.config import BodyConfig, NavConfig
+from host.nav.intent import Plan
 from host.nav.map import ObstacleMap
 from host.nav.mover import Sight
-from host.nav.steer import Plan, decide
+from host.nav.steer import decide
 from host.nav.tracks import Movers
 from host.pose import Pose
 

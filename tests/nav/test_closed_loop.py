@@ -5,10 +5,12 @@ from __future__ import annotations
 import pytest
 from planar_world import LENS, Box, PlanarWorld, Shuttle, random_boxes
 
+from host.nav.command import Command
 from host.nav.config import NavConfig
+from host.nav.intent import Plan
 from host.nav.map import ObstacleMap
 from host.nav.odometry import Odometry, WheelReading, body_of
-from host.nav.steer import Command, Plan, decide
+from host.nav.steer import decide
 
 
 def drive(

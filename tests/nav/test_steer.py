@@ -10,12 +10,14 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from host.nav.ahead import ONTO_BLIND_CM, look_ahead, speed_ahead
 from host.nav.config import BodyConfig, NavConfig
+from host.nav.intent import Plan
 from host.nav.map import FREE, LIMIT, LOOKED_OVER, OCCUPIED, Obstacle, ObstacleMap
 from host.nav.mover import Mover, Sight
 from host.nav.odometry import body_of, heading_of
 from host.nav.plan import find_way, room_around
-from host.nav.steer import ONTO_BLIND_CM, Plan, decide, look_ahead, speed_ahead
+from host.nav.steer import decide
 from host.pose import Pose
 
 BODY, CONFIG = BodyConfig(), NavConfig()

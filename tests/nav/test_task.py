@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from planar_world import LENS, Box, PlanarWorld, random_boxes
 
+from host.nav.command import Command
 from host.nav.config import BodyConfig, NavConfig
 from host.nav.map import FREE, LIMIT, Obstacle, ObstacleMap
 from host.nav.odometry import Odometry, WheelReading, body_of
 from host.nav.stand import AT_BORDER
-from host.nav.steer import Command
 from host.nav.task import Approach, Explore, MeasureOnly, Route, Task
 from host.pose import Pose
 
