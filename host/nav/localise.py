@@ -139,11 +139,6 @@ class Localiser:
         return float(self._mean[RATIO]), math.sqrt(self._cov[RATIO, RATIO])
 
     @property
-    def track_scale(self) -> tuple[float, float]:
-        """True distance between the wheels over the configured one, and sigma."""
-        return 1 / (1 + float(self._mean[TRACK])), math.sqrt(self._cov[TRACK, TRACK])
-
-    @property
     def sigma(self) -> tuple[float, float]:
         """Standard errors of the place, cm, and of the heading, rad."""
         return math.sqrt(self._cov[X, X] + self._cov[Z, Z]), math.sqrt(self._cov[HEADING, HEADING])

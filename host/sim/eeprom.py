@@ -10,7 +10,6 @@ from host.link.protocol import PARAMS_VERSION, crc32c
 
 SIZE = 1024
 FIRST_SLOT = 16
-SECOND_SLOT = 528
 MARK = b"\xa5"
 
 

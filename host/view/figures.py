@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Literal
 
-THINGS = "depth_errors", "things"
 REACHED = ("goal", "explored", "approached")
 
 

@@ -388,11 +388,6 @@ class AvrBoard:
         return self._static_end
 
     @property
-    def static_bytes(self) -> int:
-        """RAM taken by the firmware's variables."""
-        return self._static_end - RAM_FIRST
-
-    @property
     def stack_bytes(self) -> int:
         """Most stack in use at once since power-on."""
         return self._c.rig_stack_used(self._rig, self._static_end)
