@@ -20,7 +20,7 @@ FREE, LOOKED, OCCUPIED = -0.4, -0.1, 0.8
 
 
 def patches(rng: np.random.Generator, shape: tuple[int, int], kinds: int) -> np.ndarray:
-    image = np.zeros(shape, np.uint8)
+    image = np.zeros(shape, np.uint16)
     for _ in range(12):
         r, c = rng.integers(0, shape[0]), rng.integers(0, shape[1])
         image[r : r + rng.integers(1, 20), c : c + rng.integers(1, 20)] = rng.integers(0, kinds)
@@ -62,7 +62,7 @@ def test_stretches_of_one_region_cover_every_column_from_the_lower_border_up(see
 @pytest.mark.parametrize("seed", SEEDS)
 def test_the_first_thing_above_the_floor_is_found_in_each_column_with_a_known_foot_and_without(seed: int):
     rng = np.random.default_rng(seed)
-    labels = patches(rng, (40, 30), 6).astype(np.uint16)
+    labels = patches(rng, (40, 30), 6)
     ground, foot = rng.integers(0, 3, 6).astype(np.uint8), rng.integers(-1, 30, 40)
     slopes, ids = rng.uniform(-0.1, 1.0, (40, 30)), rng.permutation(100)[:6]
     kind, cut, slope, depth, sure, floor, free = _nav.feet(

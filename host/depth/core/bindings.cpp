@@ -119,8 +119,8 @@ void put_outline(depth::FrameView& frame, const depth::Lens& lens, const Points&
     for (std::size_t i = 0; i < px.shape(0); ++i) {
         const auto a = row.find(left(i)), b = row.find(right(i));
         if (a == row.end() || b == row.end() || a->second == b->second) continue;
-        const depth::Vec2 at{px(i, 0), px(i, 1)};
-        frame.outline_px.push_back(lens.ideal(at));
+        const depth::Vec2 at = lens.ideal({px(i, 0), px(i, 1)});
+        frame.outline_px.push_back(at);
         frame.outline_normal.push_back(lens.ideal_normal(at, {normal(i, 0), normal(i, 1)}));
         frame.outline_left.push_back(a->second), frame.outline_right.push_back(b->second);
         frame.outline_length_px.push_back(length_px(i));

@@ -36,6 +36,11 @@ std::array<double, 3> times(const std::array<double, 9>& a, const std::array<dou
             a[6] * v[0] + a[7] * v[1] + a[8] * v[2]};
 }
 
+// a - s b, element by element; they do not overlap.
+void take_away(double* __restrict a, double s, const double* __restrict b, std::size_t count) {
+    for (std::size_t i = 0; i < count; ++i) a[i] -= s * b[i];
+}
+
 }  // namespace
 
 JointFit::JointFit(const Samples& samples, std::size_t regions, std::size_t frames)
@@ -46,27 +51,34 @@ JointFit::JointFit(const Samples& samples, std::size_t regions, std::size_t fram
     scale_.assign(regions, 1.0);
     rows_of_.resize(regions);
     for (std::size_t i = 0; i < n; ++i) rows_of_[static_cast<std::size_t>(samples.rows[i].region)].push_back(i);
+    attend(std::vector<char>(regions, 1));
+}
+
+void JointFit::attend(const std::vector<char>& regions) {
+    attended_.clear();
+    for (std::size_t n = 0; n < samples_->rows.size(); ++n)
+        if (regions[static_cast<std::size_t>(samples_->rows[n].region)] != 0) attended_.push_back(n);
 }
 
 void JointFit::look(const Comparison& comparison, const std::vector<RegionState>& state,
                     const std::vector<double>& own, bool cameras) {
     const std::size_t rows = samples_->rows.size();
     rho_.resize(rows);
-    for (std::size_t n = 0; n < rows; ++n) {
+    for (const std::size_t n : attended_) {
         const Sample& s = samples_->rows[n];
         rho_[n] = std::max(state[static_cast<std::size_t>(s.region)].at(s.offset), LEAST_RHO);
     }
     for (std::size_t k = 0; k < frames_; ++k)  // one frame's map at a time stays in the cache
-        for (std::size_t n = 0; n < rows; ++n)
+        for (const std::size_t n : attended_)
             if (own[n] > 0) looks_[row_of(n, k)] = comparison.look(n, k, rho_[n], cameras);
 }
 
 void JointFit::step(const std::vector<double>& own, double tilt, const FitSettings& settings,
                     const MotionPrior& prior, std::vector<RegionState>& state,
                     std::vector<std::array<double, 3>>* cameras) {
-    const std::size_t rows = samples_->rows.size(), count = frames_ + 1, m = 3 * count;
+    const std::size_t count = frames_ + 1, m = 3 * count;
     const double gate = settings.gate_px;
-    for (std::size_t n = 0; n < rows; ++n) {  // plain mean to begin with
+    for (const std::size_t n : attended_) {  // plain mean to begin with
         double sum = 0, total = 1;
         const Look* looks = &looks_[row_of(n, 0)];
         for (std::size_t k = 0; k < frames_; ++k)
@@ -77,7 +89,7 @@ void JointFit::step(const std::vector<double>& own, double tilt, const FitSettin
     std::vector<double> spread(regions_), freedom(regions_);
     for (int pass = 0; pass < LOOK_PASSES; ++pass) {
         std::fill(spread.begin(), spread.end(), 0.0), std::fill(freedom.begin(), freedom.end(), 0.0);
-        for (std::size_t n = 0; n < rows; ++n) {
+        for (const std::size_t n : attended_) {
             const auto r = static_cast<std::size_t>(samples_->rows[n].region);
             const double shrink = 1 / std::min(gate, TUKEY * scale_[r]);
             double total = 1, sum = 0, squares = 0;
@@ -106,14 +118,14 @@ void JointFit::step(const std::vector<double>& own, double tilt, const FitSettin
     }
     // an outline errs alike all along by a share of what its samples err by, however many they are
     std::vector<double> alike(regions_, 0.0);
-    for (std::size_t n = 0; n < rows; ++n)
+    for (const std::size_t n : attended_)
         if (total_[n] > 1) alike[static_cast<std::size_t>(samples_->rows[n].region)] += trust_[n];
     for (double& a : alike) a = 1 + settings.coherent * a / settings.correlation;
-    std::vector<double> motion(m * m, 0.0), gradient(m, 0.0), row_b(m);
+    std::vector<double> motion(m * m, 0.0), gradient(m, 0.0), row_b(m), pull(m);
     // the system
     blocks_.assign(regions_, {});
     for (Block& b : blocks_) b.b.assign(3 * m, 0.0);
-    for (std::size_t n = 0; n < rows; ++n) {
+    for (const std::size_t n : attended_) {
         const Sample& s = samples_->rows[n];
         const auto r = static_cast<std::size_t>(s.region);
         const double w_row = trust_[n] / (square(scale_[r]) * settings.correlation * alike[r]);
@@ -163,22 +175,22 @@ void JointFit::step(const std::vector<double>& own, double tilt, const FitSettin
                 gradient[i] += w_row * he[i];
                 for (std::size_t j = 0; j < 3; ++j) motion[i * m + j] += w_row * hh[order[3 * i + j]];
             }
+            const double inverse = 1 / total_[n];
             for (std::size_t k = 0; k < frames_; ++k) {
-                const double w = weights[k];
-                if (!(w > 0)) continue;
-                const std::array<double, 3>& tk = looks[k].there;
+                if (!(weights[k] > 0)) {
+                    for (std::size_t i = 0; i < 3; ++i) pull[3 * k + i] = 0.0;
+                    continue;
+                }
+                const Look& l = looks[k];
+                for (std::size_t i = 0; i < 3; ++i) pull[3 * k + i] = weights[k] * l.there[i];
                 for (std::size_t i = 0; i < 3; ++i) {
-                    const double v = w_row * w * tk[i];
+                    const double v = w_row * pull[3 * k + i], shared = v * inverse;
                     double* line = &motion[(3 * (k + 1) + i) * m];
                     for (std::size_t j = 0; j < 3; ++j) {
-                        line[j] += v * (looks[k].here[j] - here[j]);
-                        line[3 * (k + 1) + j] += v * tk[j];
+                        line[j] += v * (l.here[j] - here[j]);
+                        line[3 * (k + 1) + j] += v * l.there[j];
                     }
-                    const double shared = v / total_[n];
-                    for (std::size_t q = 0; q <= k; ++q) {
-                        const double wq = shared * weights[q];
-                        for (std::size_t j = 0; j < 3; ++j) line[3 * (q + 1) + j] -= wq * looks[q].there[j];
-                    }
+                    take_away(line + 3, shared, pull.data(), 3 * (k + 1));
                 }
             }
         }
@@ -258,7 +270,7 @@ void JointFit::step(const std::vector<double>& own, double tilt, const FitSettin
         state[r].rho = std::clamp(rho + std::clamp(-d[0], -0.3 * rho, 0.5 * rho), LEAST_RHO, GREATEST_RHO);
         state[r].slope = state[r].slope - Vec2{d[1], d[2]};
     }
-    for (std::size_t n = 0; n < rows; ++n) {
+    for (const std::size_t n : attended_) {
         const Sample& s = samples_->rows[n];
         const auto r = static_cast<std::size_t>(s.region);
         const double change = state[r].at(s.offset) - before[r].at(s.offset);

@@ -55,6 +55,9 @@ class JointFit {
   public:
     JointFit(const Samples& samples, std::size_t regions, std::size_t frames);
 
+    // From now on only the samples of these regions are looked at and fitted; the others stay as they are.
+    void attend(const std::vector<char>& regions);
+
     // Looks at every sample that counts where `state` puts it, with the cameras' derivatives or without.
     void look(const Comparison& comparison, const std::vector<RegionState>& state, const std::vector<double>& own,
               bool cameras);
@@ -102,6 +105,7 @@ class JointFit {
 
     const Samples* samples_;
     std::vector<std::vector<std::size_t>> rows_of_;  // by region
+    std::vector<std::size_t> attended_;              // rows, in order
     std::size_t regions_, frames_;
     std::vector<Look> looks_;      // [row][frame]
     std::vector<double> weight_;   // likewise

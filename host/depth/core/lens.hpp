@@ -39,11 +39,18 @@ class Lens {
         return {x * fx_ + cx_, y * fy_ + cy_};
     }
 
-    // A unit vector across a line at `px`, likewise.
-    Vec2 ideal_normal(Vec2 px, Vec2 normal) const {
+    // A unit vector across a line at `px`, likewise; `at` is the ideal place of `px`.
+    Vec2 ideal_normal(Vec2 at, Vec2 normal) const {
         if (!bends_) return normal;
-        const Vec2 half{-0.5 * normal.y, 0.5 * normal.x};
-        const Vec2 along = ideal(px + half) - ideal(px - half);
+        const double x = (at.x - cx_) / fx_, y = (at.y - cy_) / fy_;
+        const auto [k1, k2, p1, p2, k3] = terms_;
+        const double r2 = x * x + y * y, stretch = 1 + ((k3 * r2 + k2) * r2 + k1) * r2;
+        const double grow = 2 * ((3 * k3 * r2 + 2 * k2) * r2 + k1);  // of the stretch, by half of r2
+        // what the lens makes of a step, turned round: (xx xy; yx yy) by x and y
+        const double xx = stretch + grow * x * x + 2 * p1 * y + 6 * p2 * x, xy = grow * x * y + 2 * p1 * x + 2 * p2 * y;
+        const double yy = stretch + grow * y * y + 6 * p1 * y + 2 * p2 * x;
+        const double u = -normal.y / fx_, v = normal.x / fy_;
+        const Vec2 along{(yy * u - xy * v) * fx_, (xx * v - xy * u) * fy_};
         const double size = 1 / length(along);
         return {along.y * size, -along.x * size};
     }

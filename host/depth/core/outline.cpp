@@ -149,6 +149,7 @@ std::vector<OutlineAnswer> OutlineMethod::answers(const FrameView& frame, Path& 
         comparison.place(path, present);
     }
     std::vector<RegionState> state(n);
+    std::vector<char> clear(n), sought(n);  // some depth fits its outline better than others; and that is to be found
     for (std::size_t r = 0; r < n; ++r) {
         const std::int64_t id = frame.regions[r].id;
         if (wanted[r]) {
@@ -157,6 +158,7 @@ std::vector<OutlineAnswer> OutlineMethod::answers(const FrameView& frame, Path& 
             start[r] = {expected[r], 0.0, clarity_[id].contrast, clarity_[id].rival};
         }
         state[r].rho = std::max(start[r].rho, 1e-6);
+        clear[r] = start[r].contrast >= MIN_CONTRAST, sought[r] = clear[r] && wanted[r];
     }
     for (const std::int64_t id : frame.changed) whole_.erase(id);  // it is no longer the thing it was
     std::erase_if(whole_, [&](const auto& w) { return present - w.second.frame > REMEMBERED_FRAMES; });
@@ -178,17 +180,20 @@ std::vector<OutlineAnswer> OutlineMethod::answers(const FrameView& frame, Path& 
     };
     std::vector<double> own(samples.rows.size(), 1.0);
     for (std::size_t i = 0; i < own.size(); ++i)
-        if (start[static_cast<std::size_t>(samples.rows[i].region)].contrast < MIN_CONTRAST) own[i] = 0.0;
+        if (!clear[static_cast<std::size_t>(samples.rows[i].region)]) own[i] = 0.0;
     const std::vector<double> told = own;
     const double tilt = PLANE_TILT * 2 / camera_.focal();  // over rho, per px: the width cancels
     JointFit fit(samples, n, then.size());
+    fit.attend(clear);
     FitSettings settings;
     settings.noise_px = config_.noise_px;
     settings.correlation = std::max(1.0, config_.correlation_px / samples.spacing_px);
     settings.coherent = COHERENT_HIDDEN * coherent_;
     // what is known from the last frame need not be caught from afar
-    const bool fresh = std::any_of(wanted.begin(), wanted.end(), [](char w) { return w != 0; });
+    const bool fresh = std::any_of(sought.begin(), sought.end(), [](char s) { return s != 0; });
     for (std::size_t round = fresh ? 0 : SETTLED_FROM; round < std::size(GATES_PX); ++round) {
+        if (round == 0) fit.attend(sought);
+        if (round == 1) fit.attend(clear);
         settings.gate_px = GATES_PX[round];
         if (round >= OWNERS_FROM) {
             own = own_rows(samples, fit.costs(settings), state, extents);

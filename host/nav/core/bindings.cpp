@@ -44,8 +44,7 @@ void require(bool holds, const char* what) {
     if (!holds) throw nb::value_error(what);
 }
 
-template <class T>
-nb::tuple columns(const Image<T>& image, std::size_t kinds) {
+nb::tuple columns(const Image<std::uint16_t>& image, std::size_t kinds) {
     const nav::Columns c = nav::columns_of(image.data(), image.shape(0), image.shape(1), kinds);
     const std::size_t stretches = c.starts.size();
     return nb::make_tuple(to_array<std::uint16_t>(c.labels, {c.cols, c.rows}),
@@ -265,8 +264,7 @@ NB_MODULE(_nav, m) {
                                            "limit"_a, "cell_cm"_a);
     m.def("paint", &paint, "evidence"_a.noconvert(), "region"_a.noconvert(), "brief"_a.noconvert(), "centres_cm"_a,
           "view"_a, "window"_a, "floor"_a, "fronts"_a, "rules"_a);
-    m.def("columns", &columns<std::uint8_t>, "image"_a.noconvert(), "kinds"_a);
-    m.def("columns", &columns<std::uint16_t>, "image"_a.noconvert(), "kinds"_a);
+    m.def("columns", &columns, "image"_a.noconvert(), "kinds"_a);
     m.def("fill", &fill, "points"_a, "lengths"_a, "kinds"_a, "rows"_a, "cols"_a, "step"_a,
           "none"_a);
     m.def("feet", &feet, "labels"_a, "slopes"_a, "ids"_a, "nothing"_a, "ground"_a, "foot"_a, "height_cm"_a,

@@ -5,14 +5,13 @@
 
 namespace nav {
 
-template <class T>
-Columns columns_of(const T* image, std::size_t rows, std::size_t cols, std::size_t kinds) {
+Columns columns_of(const std::uint16_t* image, std::size_t rows, std::size_t cols, std::size_t kinds) {
     Columns out;
     out.cols = cols, out.rows = rows, out.kinds = kinds;
     out.labels.resize(rows * cols);
     for (std::size_t r = 0; r < rows; ++r)
         for (std::size_t c = 0; c < cols; ++c) {
-            const T kind = image[(rows - 1 - r) * cols + c];
+            const std::uint16_t kind = image[(rows - 1 - r) * cols + c];
             if (kind >= kinds) throw std::out_of_range("a pixel of a kind that there is not");
             out.labels[c * rows + r] = kind;
         }
@@ -35,9 +34,6 @@ Columns columns_of(const T* image, std::size_t rows, std::size_t cols, std::size
     }
     return out;
 }
-
-template Columns columns_of(const std::uint8_t*, std::size_t, std::size_t, std::size_t);
-template Columns columns_of(const std::uint16_t*, std::size_t, std::size_t, std::size_t);
 
 FirstOther first_other(const std::uint16_t* labels, std::size_t cols, std::size_t rows, const std::uint8_t* ground,
                        const std::int64_t* foot) {

@@ -17,11 +17,7 @@ struct Columns {
 };
 
 // Of an image of kinds (rows, cols), top row first.
-template <class T>
-Columns columns_of(const T* image, std::size_t rows, std::size_t cols, std::size_t kinds);
-
-extern template Columns columns_of(const std::uint8_t*, std::size_t, std::size_t, std::size_t);
-extern template Columns columns_of(const std::uint16_t*, std::size_t, std::size_t, std::size_t);
+Columns columns_of(const std::uint16_t* image, std::size_t rows, std::size_t cols, std::size_t kinds);
 
 enum class Ground : std::uint8_t { none = 0, floor = 1, mixed = 2 };  // mixed: floor up to a foot, if one is known
 
