@@ -30,6 +30,7 @@ SIGMA_EDGE_PX = 1.5  # of one side of an outline: in each frame a half, but it s
 SIGMA_LOOK = 0.1  # a box seen from near has its middle off by so much of its width over its distance, squared
 LEAST_EDGE_PX = 25.0  # a shorter upright edge is none
 UPRIGHT = 0.06  # across over down, of an upright edge
+BELOW_PX, BELOW_STEEP = 5.0, 0.87  # an outline that goes on down for so much, by over 60 degrees
 SIGMA_UPRIGHT_CM = 1.0  # by which an edge that is seen may not be the same line of the thing
 
 # how alike the same thing looks when it is seen again
@@ -175,7 +176,7 @@ def _edges(
     rays = lens.to_rays(np.stack([points[lowest], points[after[lowest]]], axis=1)).reshape(-1, 2, 2)
     keys = [(left.id, right.id) for left, right, _ in found]
     out = []
-    for (left, right, _), key, (low, top) in zip(found, keys, rays.tolist(), strict=True):
+    for (left, right, k), key, (low, top) in zip(found, keys, rays.tolist(), strict=True):
         slope = low[1]
         if keys.count(key) > 1 or slope < 2 * SIGMA_SLOPE:
             continue
@@ -183,12 +184,27 @@ def _edges(
             continue
         if slope > (lens.height - 1 - lens.cy) / lens.fy - EDGE_PX / lens.fy:
             continue  # its foot is below the picture
+        if _goes_on_below(left, points[k], -1) or _goes_on_below(right, points[k], 1):
+            continue  # one stands before the other: what is seen there is the other's foot
         near = slope / camera_height_cm
         across = 0.5 * (low[0] + top[0])
         sigma_across = math.hypot(SIGMA_EDGE_PX / lens.fx, SIGMA_UPRIGHT_CM * near)
         look = Look((left.mean_rgb, right.mean_rgb))
         out.append(Sighting(key, across, sigma_across, near, SIGMA_SLOPE / camera_height_cm, look))
     return out
+
+
+def _goes_on_below(region: Region, low: np.ndarray, step: int) -> bool:
+    """Whether a region's outline goes on downwards from the lower end of an edge."""
+    for loop in region.loops:
+        for at in np.flatnonzero((loop == low).all(axis=1)).tolist():
+            for n in range(1, min(4, len(loop))):
+                x, y = (loop[(at + n * step) % len(loop)] - low).tolist()
+                if math.hypot(x, y) >= BELOW_PX:
+                    if y > BELOW_STEEP * math.hypot(x, y):
+                        return True
+                    break
+    return False
 
 
 def recognise(unlike: np.ndarray) -> dict[int, int]:

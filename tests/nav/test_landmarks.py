@@ -115,6 +115,14 @@ def test_an_upright_edge_between_walls_is_a_landmark_and_a_leaning_one_is_none()
     assert not seen(*corner(200.0, lean_px=15.0))
 
 
+@pytest.mark.parametrize("lowest", [151.0, 200.0])
+def test_the_side_of_a_thing_before_a_wall_is_no_edge_that_stands_where_the_wall_does(lowest: float):
+    wall, _ = corner(200.0)
+    outline = [(319.5, -0.5), (200.0, -0.5), (200.0, 150.0), (200.0, lowest), (319.5, lowest + 20.0)]
+    thing = region(2, outline, BLUE, [OUTSIDE, 1, 9, 9, OUTSIDE])
+    assert bool(seen(wall, thing)) == (lowest == 151.0)  # as good as a corner of the room
+
+
 def test_an_edge_of_something_that_moves_is_no_landmark():
     assert not seen(*corner(200.0), moving=True)
 
