@@ -70,7 +70,7 @@ class DepthConfig:
 
     # outline
     keyframes: int = 6  # earlier frames the present outline is compared with
-    outline_spacing_px: float = 3.5  # between the samples used of the present outline
+    outline_spacing_px: float = 3.5  # between samples of the present outline; at least 5 in a drive
     outline_border_px: float = 3.0  # samples nearer to the image border are not used
     outline_noise_px: float = 0.12  # an outline is never taken to be better than this
     outline_correlation_px: float = 8.0  # outlines err alike over such a length

@@ -28,6 +28,7 @@ from host.rbdn import Net, NetConfig, Snapshot
 
 FADE_CM = 20.0  # a correction of the pose by so much leaves 1/e of the map's evidence
 NEW_MAP_CM = 60.0  # and after one by so much nothing is where it was
+SPACING_PX = 5.0  # of the outline samples, at least: every thing is measured again a moment later
 
 
 @dataclass(frozen=True)
@@ -82,6 +83,7 @@ class Pilot:
         self.localiser = Localiser(body, lens)
         self.map = ObstacleMap(body, nav)
         self._lens, self._task, self._body = lens, task, body
+        depth = replace(depth, outline_spacing_px=max(depth.outline_spacing_px, SPACING_PX))
         self._configs = net, depth, nav
         self._net = Net(net, lens)
         self._depth = Estimator(lens, depth)
