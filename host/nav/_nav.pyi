@@ -78,6 +78,18 @@ def feet(
     farthest_cm: float,
     sigma_slope: float,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]: ...
+def along_edges(
+    labels: np.ndarray,
+    kind: int,
+    slopes: np.ndarray,
+    cut: np.ndarray,
+    feet: np.ndarray,
+    covered: np.ndarray,
+    rms: float,
+) -> np.ndarray | None: ...
+def tapers(
+    labels: np.ndarray, kind: int, slopes: np.ndarray, cut: np.ndarray, feet: np.ndarray, covered: np.ndarray
+) -> bool: ...
 def totals(
     running: np.ndarray, starts: np.ndarray, ends: np.ndarray, owner: np.ndarray, kinds: int
 ) -> np.ndarray: ...

@@ -5,9 +5,10 @@ height / ray_y. Both are compared and averaged as slopes of the ray to the foot,
 foot's error is the same at every distance.
 
 Something wide is a wall and stands where its feet are, column by column, for its mean depth says little of
-its ends. Something narrow is filled from its
-nearest point on. A ball's nearest point lies far before its foot: what hangs over at the sides is taken to
-bulge as much towards the robot.
+its ends. So does what is narrow, if its feet make one straight edge or two and it is upright at their ends: a
+box's sides seen at a slant, a piece of a wall. All else is filled from its nearest point on. A ball's nearest
+point lies far before its foot: what hangs over at the sides, or ends in points there, is taken to bulge as
+much towards the robot.
 """
 
 from __future__ import annotations
@@ -27,9 +28,21 @@ from host.nav.picture import NO_REGION, STEP_PX, Picture
 from host.pose import Pose
 
 USABLE = 0.25  # a depth with a larger relative sigma places nothing
+VAGUEST = 0.3  # a foot alone with a larger relative sigma is none
 STRAIGHT = 0.006  # rms of a straight wall's feet about their line, as a slope: 2 px at 280 px focal length
 WALL_CM = 70.0  # what is wider than this has a front as its feet have it, what is narrower a flat one
 TOUCHING = 1.05  # columns whose foot is nearer than this times the nearest foot touch the floor
+EDGE = 0.004  # rms of feet about a straight edge: rows of STEP_PX make 0.002
+SEAM_EDGE = 0.012  # and of feet that the picture itself was asked for, in strips
+SIGMA_EDGE = 0.004  # of the slope of a straight edge, tilt of the camera included; of many feet
+SIGMA_FOOT = 0.007  # of the nearest of other feet
+SIGMA_ROUND = 0.015  # of the foot of what hangs over: it is in its own shade
+CONTRADICTED = 0.5  # of the difference between foot and depth that contradict each other is the sigma
+TO_FRONT, SIGMA_TO_FRONT = (
+    0.05,
+    0.1,
+)  # in widths: what is flat at its nearest foot is so far before its mean depth
+FOOTLESS = 0.05  # relative error more of what shows no foot: what stands before it has a part of its outline
 HANGING = 0.65  # a thing whose outer feet are flatter than this part of its nearest one hangs over there
 EVENED = 5  # columns
 EVEN = np.full(EVENED, 1 / EVENED)
@@ -168,13 +181,14 @@ def stand_of(
     columns, cut = feet.columns_of(region_id)
     mostly_cut = len(cut) >= LEAST_COLUMNS and len(cut) > CUT_PART * (len(columns) + len(cut))
     if len(columns) >= LEAST_COLUMNS and (not mostly_cut or _is_straight_wall(feet, columns, covered)):
-        return _on_its_feet(region_id, measured, feet, columns, covered)
+        return _on_its_feet(region_id, measured, feet, columns, covered, picture, mixed)
     if measured is not None:
         if len(covered) == 0:
             return None
         z, sigma, how = measured
         front = z - (MEAN_TO_FRONT * feet.width_cm(covered, z) if front_cm is None else front_cm)
         if not mostly_cut or front <= _mean(feet.depth_cm[cut]):
+            sigma = math.hypot(sigma, FOOTLESS * z)
             return Standing(region_id, covered, np.full(len(covered), front), z, sigma, how, FAIR)
     if len(cut) < LEAST_COLUMNS:
         return None
@@ -233,31 +247,56 @@ def _on_its_feet(
     feet: Feet,
     columns: np.ndarray,
     covered: np.ndarray,
+    picture: Picture,
+    mixed: bool,
 ) -> Standing | None:
-    slopes = feet.slope[columns]
+    height, slopes = feet.height_cm, feet.slope[columns]
     nearest = nearest_slope(slopes)
-    wall = feet.width_cm(covered, feet.height_cm / nearest) > WALL_CM
-    wall = wall or _has_wall_behind(feet, columns, nearest)
-    foot_slope = _mean(slopes) if wall else nearest
-    slope, sigma, how, weight = _agreed(foot_slope, measured, feet.height_cm)
-    z = feet.height_cm / slope
-    sigma_cm = sigma * z**2 / feet.height_cm
-    if how == "foot" and sigma_cm > 0.3 * z:
-        return None
-    if wall:
+    if feet.width_cm(covered, height / nearest) > WALL_CM or _has_wall_behind(feet, columns, nearest):
         line = _straight_line(columns, slopes)
+        sigma = SIGMA_RAY if mixed or line is None else SIGMA_EDGE
+        if (placed := _placed(_mean(slopes), sigma, measured, height)) is None:
+            return None
         if line is not None:
             columns = np.flatnonzero(feet.region == region)  # also where its feet are below the image
             slopes = line[0] + line[1] * columns
-        depth = feet.height_cm / np.maximum(slopes, feet.height_cm / FARTHEST_CM)
-        return Standing(region, columns, depth, z, sigma_cm, how, weight)
+        return Standing(region, columns, height / np.maximum(slopes, height / FARTHEST_CM), *placed[1:])
+
+    shape = picture.labels, picture.place[region], feet.slope, feet.cut, columns, covered
+    edges = _nav.along_edges(*shape, SEAM_EDGE if mixed else EDGE)
+    if edges is not None:
+        mean = len(edges) / float((1.0 / edges).sum())  # of the mean depth, which motion tells
+        placed = _placed(mean, SIGMA_RAY if mixed else SIGMA_EDGE, measured, height)
+        if placed is None:
+            return None
+        slopes = np.maximum(edges + (placed[0] - mean), height / FARTHEST_CM)
+        return Standing(region, covered, height / slopes, *placed[1:])
+
+    hangs = hangs_over(slopes, columns, covered, nearest, len(feet.cut)) or _nav.tapers(*shape)
+    sigma = SIGMA_RAY if mixed else SIGMA_ROUND if hangs else SIGMA_FOOT
+    if measured is not None:
+        z, sigma_cm, how = measured
+        width_cm = feet.width_cm(covered, z)
+        measured = z - TO_FRONT * width_cm, math.hypot(sigma_cm, SIGMA_TO_FRONT * width_cm), how
+    if (placed := _placed(nearest, sigma, measured, height)) is None:
+        return None
+    z = placed[1]
     bulge = round_cm = 0.0
-    if hangs_over(slopes, columns, covered, nearest, len(feet.cut)):
+    if hangs:
         touching = float((slopes > nearest / TOUCHING).sum()) / len(covered)
         round_cm = 0.5 * feet.width_cm(covered, z)
         bulge = (1 - touching) * round_cm
-    front = np.full(len(covered), z - bulge)
-    return Standing(region, covered, front, z, sigma_cm, how, weight, round_cm)
+    return Standing(region, covered, np.full(len(covered), z - bulge), *placed[1:], round_cm)
+
+
+def _placed(
+    slope: float, sigma: float, measured: tuple[float, float, str] | None, height_cm: float
+) -> tuple[float, float, float, str, float] | None:
+    """(slope, depth, its sigma, how, weight) of foot and measured depth; None if that tells nothing."""
+    slope, sigma, how, weight = _agreed(slope, sigma, measured, height_cm)
+    z = height_cm / slope
+    sigma_cm = sigma * z**2 / height_cm
+    return None if how == "foot" and sigma_cm > VAGUEST * z else (slope, z, sigma_cm, how, weight)
 
 
 def nearest_slope(slopes: np.ndarray) -> float:
@@ -284,10 +323,9 @@ def hangs_over(
 
 
 def _agreed(
-    slope: float, measured: tuple[float, float, str] | None, height_cm: float
+    slope: float, sigma: float, measured: tuple[float, float, str] | None, height_cm: float
 ) -> tuple[float, float, str, float]:
     """(slope, sigma, how, weight) of a foot's slope and a measured depth together."""
-    sigma = SIGMA_RAY
     if measured is None:
         return slope, sigma, "foot", FAIR
     z, s, method = measured
@@ -296,9 +334,10 @@ def _agreed(
         share = sigma**2 / (sigma**2 + sigma_other**2)
         both = sigma * sigma_other / math.hypot(sigma, sigma_other)
         return share * other + (1 - share) * slope, both, method, SURE
+    doubt = CONTRADICTED * abs(other - slope)  # the farther one may be right after all
     if other > slope:
-        return other, sigma_other, method, FAINT
-    return slope, sigma, "foot", FAINT
+        return other, max(sigma_other, doubt), method, FAINT
+    return slope, max(sigma, doubt), "foot", FAINT
 
 
 def usable_depth(report: DepthReport, region_id: int) -> tuple[float, float, str] | None:

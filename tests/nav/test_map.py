@@ -108,6 +108,11 @@ def test_where_depth_and_foot_contradict_each_other_the_nearer_one_counts(depth)
     assert obstacle.depth_cm == pytest.approx(min(depth, 90), rel=0.06)
 
 
+def test_where_depth_and_foot_contradict_each_other_nobody_is_sure():
+    wrong = look(PlanarWorld([BOX]), fresh(), {10: (50.0, 1.0)}).obstacles[10]
+    assert wrong.depth_cm + 2 * wrong.sigma_cm > 70  # as far as both slopes' middle
+
+
 def test_floor_is_no_obstacle_and_frees_the_ground_up_to_the_first_thing():
     box_map = look(PlanarWorld([BOX]), fresh(), {10: (90.0, 0.9)})
     assert FLOOR_ID not in box_map.obstacles
@@ -145,7 +150,7 @@ def test_a_pole_that_the_net_took_for_one_with_the_wall_behind_it_shuts_nothing_
     assert pole_map.occupied[pole_map.cell_of(-40, 162)]
 
 
-@pytest.mark.parametrize(("wall_cm", "shut"), [(150.0, True), (220.0, False)])
+@pytest.mark.parametrize(("wall_cm", "shut"), [(150.0, True), (285.0, False)])
 def test_a_wall_so_far_away_that_nobody_knows_where_shuts_no_way(wall_cm, shut):
     far_map = look(PlanarWorld([], room=(-150, -60, 150, wall_cm)), fresh())
     cell = far_map.cell_of(0, wall_cm + 2)
@@ -258,22 +263,60 @@ def test_what_is_nearer_at_one_end_is_a_slanted_front_and_hangs_over_nowhere():
     assert hangs == {"one end": False, "both ends": True}
 
 
-def test_a_box_seen_over_its_corner_is_filled_from_the_corner_on():
-    z = 100.0
+def with_thing(outline: np.ndarray) -> Snapshot:
+    """A bare room and one thing in it."""
     snapshot, _ = PlanarWorld([]).see()
     floor = next(r for r in snapshot.regions if r.id == FLOOR_ID)
-    feet = [(-14, z + 14), (0, z), (14, z + 14)]
+    none = (np.zeros(len(outline), np.int64),)
+    thing = replace(floor, id=10, touches_border=False, mean_rgb=(250, 0, 0), loops=(outline,),
+                    loop_vertices=none, loop_neighbours=none)  # fmt: skip
+    return replace(snapshot, regions=(*snapshot.regions, thing))
+
+
+def look_at(snapshot: Snapshot) -> ObstacleMap:
+    """A few frames of it from the start, without any depths."""
+    seen = fresh()
+    for k in range(FRAMES):
+        seen.update(snapshot, DepthReport({}, NO_VERTICES), Pose.planar(0, 0, 0, t_s=k / 10), LENS)
+    return seen
+
+
+def test_a_box_seen_over_its_corner_is_filled_from_the_corner_on_and_along_its_sides():
+    z = 60.0
+    feet = [(-20, z + 20), (0, z), (20, z + 20)]
     low = [[LENS.cx + LENS.fx * x / d, LENS.cy + LENS.fy * 15 / d] for x, d in feet]
     high = [[LENS.cx + LENS.fx * x / d, LENS.cy - LENS.fy * 20 / d] for x, d in reversed(feet)]
-    none = (np.zeros(6, np.int64),)
-    box = replace(floor, id=10, touches_border=False, mean_rgb=(250, 0, 0), loops=(np.array(low + high),),
-                  loop_vertices=none, loop_neighbours=none)  # fmt: skip
-    with_box = replace(snapshot, regions=(*snapshot.regions, box))
-    box_map = fresh()
-    for k in range(FRAMES):
-        box_map.update(with_box, DepthReport({}, NO_VERTICES), Pose.planar(0, 0, 0, t_s=k / 10), LENS)
+    box_map = look_at(with_thing(np.array(low + high)))
     cells = filled_xz(box_map, 10)
-    assert z - 12 < cells[:, 1].min() < z + 5
+    assert z - 8 < cells[:, 1].min() < z + 5
+    for x in (-15, 15):  # before the ends of its sides, where the floor is seen
+        assert not box_map.occupied[box_map.cell_of(x, z + 2)]
+        assert box_map.occupied[box_map.cell_of(1.2 * x, z + 20)]
+
+
+def test_a_narrow_front_seen_at_a_slant_is_filled_along_its_foot():
+    world = PlanarWorld([Box(-60, 60, -20, 63, 40)])
+    world.heading = math.radians(-35)
+    x, z = world.camera_xz()
+    world.x, world.z = world.x - x, world.z - z
+    cells = filled_xz(look(world, fresh()), 10)
+    assert cells[:, 1].min() > 52
+    assert cells[:, 0].min() < -55 and cells[:, 0].max() > -25
+
+
+@pytest.mark.parametrize("seen", ["whole", "half"])
+def test_a_far_ball_or_half_of_one_is_filled_from_its_nearest_foot_on_though_that_looks_like_two_edges(seen):
+    z, radius = 170.0, 8.0
+    middle = 0.0 if seen == "half" else LENS.cx
+    angle = np.linspace(0, 2 * math.pi, 60, endpoint=False)
+    outline = np.column_stack(
+        [middle + LENS.fx * radius / z * np.cos(angle),
+         LENS.cy + LENS.fy * (15 - radius + radius * np.sin(angle)) / z]
+    )  # fmt: skip
+    sight = look_at(with_thing(np.maximum(outline, -0.5))).sight
+    assert sight is not None
+    (ball,) = (one for one in sight.standing if one.region == 10)
+    assert np.ptp(ball.depth_cm) == 0.0 and ball.mean_cm < 1.06 * z
 
 
 def test_a_box_cut_by_the_lower_border_stays_where_it_was_seen_to_stand():

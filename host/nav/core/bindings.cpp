@@ -12,6 +12,7 @@
 
 #include "ahead.hpp"
 #include "columns.hpp"
+#include "edges.hpp"
 #include "fill.hpp"
 #include "grid.hpp"
 #include "search.hpp"
@@ -84,6 +85,28 @@ nb::tuple feet(const Image<std::uint16_t>& labels, const Image<double>& slopes, 
                           to_array<double>(f.slope, {cols}), to_array<double>(f.depth_cm, {cols}),
                           to_array<bool>(f.sure, {cols}), to_array<double>(f.floor_cm, {cols}),
                           to_array<double>(f.free_cm, {cols}));
+}
+
+nav::Shape shape(const Image<std::uint16_t>& labels, std::uint16_t kind, const Row<double>& slopes,
+                 const Row<bool>& cut, const Row<std::int64_t>& feet, const Row<std::int64_t>& covered) {
+    const std::size_t cols = labels.shape(0);
+    require(slopes.shape(0) == cols && cut.shape(0) == cols, "a foot of every column");
+    for (const auto& columns : {feet, covered})
+        for (std::size_t k = 0; k < columns.shape(0); ++k)
+            require(columns(k) >= 0 && static_cast<std::size_t>(columns(k)) < cols, "columns of the picture");
+    return {labels.data(), labels.shape(1), kind, {slopes.data(), cols},
+            {feet.data(), feet.shape(0)}, {covered.data(), covered.shape(0)}, cut.data()};
+}
+
+nb::object along_edges(const Image<std::uint16_t>& labels, std::uint16_t kind, const Row<double>& slopes,
+                       const Row<bool>& cut, const Row<std::int64_t>& feet, const Row<std::int64_t>& covered, double rms) {
+    const auto found = nav::along_edges(shape(labels, kind, slopes, cut, feet, covered), rms);
+    return found ? to_array<double>(*found, {found->size()}) : nb::none();
+}
+
+bool tapers(const Image<std::uint16_t>& labels, std::uint16_t kind, const Row<double>& slopes, const Row<bool>& cut,
+            const Row<std::int64_t>& feet, const Row<std::int64_t>& covered) {
+    return nav::tapers(shape(labels, kind, slopes, cut, feet, covered));
 }
 
 // Sums over stretches of what `running` is a running sum of, for each kind.
@@ -269,6 +292,8 @@ NB_MODULE(_nav, m) {
           "none"_a);
     m.def("feet", &feet, "labels"_a, "slopes"_a, "ids"_a, "nothing"_a, "ground"_a, "foot"_a, "height_cm"_a,
           "farthest_cm"_a, "sigma_slope"_a);
+    m.def("along_edges", &along_edges, "labels"_a, "kind"_a, "slopes"_a, "cut"_a, "feet"_a, "covered"_a, "rms"_a);
+    m.def("tapers", &tapers, "labels"_a, "kind"_a, "slopes"_a, "cut"_a, "feet"_a, "covered"_a);
     m.def("totals", &totals, "running"_a.noconvert(), "starts"_a, "ends"_a, "owner"_a, "kinds"_a);
     m.def("colour_steps", &colour_steps, "colours"_a, "window"_a, "light"_a);
     m.def("agreed", &agreed, "foot"_a, "found"_a, "search"_a, "agree_px"_a);

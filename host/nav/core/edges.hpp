@@ -1,0 +1,33 @@
+// What the feet and the outline of a thing say of its shape: straight edges on the floor, or an end in a point.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
+namespace nav {
+
+// One region in a picture of regions by column, lowest pixel first.
+struct Shape {
+    const std::uint16_t* labels;  // (columns, rows)
+    std::size_t rows;
+    std::uint16_t kind;
+    std::span<const double> slopes;           // of the feet, of all columns of the picture
+    std::span<const std::int64_t> feet;       // columns in which its foot is seen, in order
+    std::span<const std::int64_t> covered;    // and in which it is seen itself, in order
+    const bool* cut;                          // of all columns, whether the foot is below the picture
+};
+
+// Slopes of feet on one straight edge, or on two that meet in a corner, in all columns covered; none of what has no
+// such edges or is not upright at the ends of its feet.
+//
+// They are nowhere flatter than a foot that was seen, for floor was seen up to there, and steeper only where the foot
+// is below the picture. rms: of feet about the line of an edge.
+std::optional<std::vector<double>> along_edges(const Shape& shape, double rms);
+
+// Whether a thing that is seen whole ends in a point at both sides with its feet higher there, as a ball does.
+bool tapers(const Shape& shape);
+
+}  // namespace nav

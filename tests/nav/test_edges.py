@@ -1,0 +1,82 @@
+"""Feet on straight edges: where they are filled in, and what ends in points instead of standing upright."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from host.nav import _nav
+
+WIDTH, HEIGHT, KIND, RMS = 160, 120, 1, 0.004
+INNER = slice(2, -2)  # the outermost feet are evened with those beside them
+NOISE = 0.001 * np.random.default_rng(3).standard_normal(WIDTH)
+
+
+def edges(slopes: np.ndarray, first: int, high: np.ndarray | int = 60, cut: int = 0) -> np.ndarray | None:
+    """Of a thing from a column on, so many pixels high, its feet in the last columns below the picture."""
+    return _nav.along_edges(*shape_of(slopes, first, high, cut), RMS)
+
+
+def shape_of(
+    slopes: np.ndarray, first: int, high: np.ndarray | int, cut: int = 0
+) -> tuple[np.ndarray, int, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    columns = np.arange(first, first + len(slopes))
+    labels = np.zeros((WIDTH, HEIGHT), np.uint16)
+    for column, pixels in zip(columns, np.broadcast_to(high, len(columns)), strict=True):
+        labels[column, 20 : 20 + pixels] = KIND
+    feet, below = np.zeros(WIDTH), np.zeros(WIDTH, bool)
+    feet[columns] = slopes
+    below[columns[len(columns) - cut :]] = True
+    return labels, KIND, feet, below, columns[: len(columns) - cut], columns
+
+
+def test_noise_and_a_sliver_of_something_nearer_change_no_edge():
+    true = np.linspace(0.10, 0.20, 30)
+    found = edges(true + NOISE[:30], 40)
+    assert found is not None
+    assert found[INNER] == pytest.approx(true[INNER], abs=0.002)
+    with_sliver = true.copy()
+    with_sliver[-2:] = 0.3
+    found = edges(with_sliver, 40)
+    assert found is not None
+    assert found[2:-4] == pytest.approx(true[2:-4], abs=0.002)
+    assert found[-2:] == pytest.approx(0.3)  # which stays as near as it was seen
+
+
+@pytest.mark.parametrize("sign", [1, -1], ids=["outwards", "inwards"])
+def test_two_edges_meet_in_a_corner_that_points_outwards_or_inwards(sign):
+    true = 0.15 - sign * 0.003 * np.abs(np.arange(40) - 22)
+    found = edges(true + NOISE[:40], 30)
+    assert found is not None
+    assert found[INNER] == pytest.approx(true[INNER], abs=0.005)
+
+
+def test_what_is_level_curved_or_not_upright_at_its_ends_has_no_slanted_edge():
+    true = np.linspace(0.10, 0.20, 30)
+    assert edges(np.full(30, 0.2), 40) is None
+    assert edges(0.1 + 0.1 * np.sin(np.linspace(0, np.pi, 30)), 40) is None
+    arc = np.sqrt(1 - np.linspace(-0.98, 0.98, 30) ** 2)
+    assert edges(true, 40, np.rint(60 * arc).astype(int)) is None
+
+
+def test_below_the_picture_an_edge_goes_on_and_elsewhere_no_farther_than_a_foot_was_seen():
+    true = np.linspace(0.10, 0.20, 30)
+    found = edges(true, 40, cut=6)
+    assert found is not None
+    assert found[-6:] == pytest.approx(true[-6:], abs=0.001)
+    labels, kind, slopes, below, feet, covered = shape_of(true, 40, 60)
+    seen = feet[5:-5]  # something else stands before both ends
+    found = _nav.along_edges(labels, kind, slopes, below, seen, covered, RMS)
+    assert found is not None
+    assert found.min() == pytest.approx(true[7], abs=0.001)
+    assert found.max() == pytest.approx(true[-8], abs=0.001)
+
+
+def test_a_ball_ends_in_points_where_its_feet_are_higher_and_neither_a_box_nor_half_a_ball_does():
+    across = np.linspace(-0.98, 0.98, 30)
+    arc = np.sqrt(1 - across**2)
+    ball, high = 0.13 + 0.12 * arc, np.rint(60 * arc).astype(int)
+    assert _nav.tapers(*shape_of(ball, 40, high))
+    assert not _nav.tapers(*shape_of(ball, 40, 60))
+    assert not _nav.tapers(*shape_of(np.full(30, 0.2), 40, high))
+    assert not _nav.tapers(*shape_of(ball[:18], WIDTH - 18, high[:18]))
