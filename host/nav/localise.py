@@ -37,7 +37,10 @@ SEEN_TURN_S = 0.1  # turns that the net saw are taken in over at least this long
 SEEN_TURN_SIGMA = 0.0015  # where they were solved at least so well, rad
 SEEN_TURN_RAD = 0.003  # by which they are off,
 SEEN_TURN_SHARE = 0.06  # and of a turn: rows are exposed one after another
-SEEN_TURN_GATE = 9.0  # chi2 beyond which they say nothing
+SEEN_TURN_ALIKE = 2e-3  # and for each cm of way: seen turns err alike for decimetres, by up to 1e-3
+SEEN_TURN_GATE = 9.0  # chi2 beyond which a wheel slipped, and nothing is learnt of the wheels from it
+SLIP_DOUBT = 0.3  # of such a turn stays in doubt: what moves may look like it
+ODD_TURNS, ODD_TURN_SIGMA = 3, 0.01  # looks in a row that show it, of which the later ones may be worse
 
 STEP_CM, STEP_RAD = 1.5, 0.02  # corrections are made each time the robot has moved so far
 GATE = 13.8  # chi2 of two measures beyond which a sighting corrects nothing
@@ -48,6 +51,7 @@ LANDMARKS = 20  # the most that are kept
 PROBATION = 4  # a thing is seen so often before it is believed to stand still
 STEADY = 0.015  # rad by which it may be elsewhere from sighting to sighting meanwhile
 NEAREST_CM = 5.0
+BESIDE = 0.5  # X/Z beyond the picture's border where a landmark may be expected and yet be in view
 STRIKES = 6  # so many sightings in a row elsewhere, and it does not
 LEAST_NEAR = 1 / 450.0  # 1/cm: what is further away says too little
 
@@ -57,11 +61,12 @@ APART_CM = 30.0  # landmarks nearer to each other tell no direction
 FITS_CM, FITS_SHARE = 8.0, 0.1  # by which they may lie otherwise to each other than they did
 FOUND_CM, FOUND_RAD = 6.0, 0.06  # standard errors of the place then
 KEPT_CM = 8.0  # and of the other landmarks
+SAME_CM = 3.0  # by which one that is known again may be seen elsewhere on the thing
 ENOUGH = 3  # where they lie nearly where they did, as after a slip: a thing counts 2, an edge 1
 ENOUGH_ELSEWHERE = 6  # anywhere else
 TRY_AGAIN = 20  # frames later, when nothing new is seen
 ENOUGH_PUSHED = 5  # further off than a slip, nearer than elsewhere
-SLIPPED_CM, SLIPPED_RAD = 8.0, 0.12  # by so much a robot that slips may be off
+SLIPPED_CM, SLIPPED_RAD = 8.0, 0.12  # by so much a robot that slips may be off, two standard errors
 PUSHED_CM, PUSHED_RAD = 40.0, 0.4  # or one that is pushed
 
 
@@ -76,6 +81,15 @@ class Landmark:
     seen: int = 1
     strikes: int = 0
     returns: int = 0  # times it was recognised
+
+
+@dataclass(frozen=True)
+class _Lost:
+    """A landmark that was known before the robot was lost."""
+
+    mark: Landmark
+    place_cm: np.ndarray  # (2,) x, z
+    covariance: np.ndarray  # (2, 2)
 
 
 @dataclass
@@ -106,10 +120,16 @@ class Localiser:
     def __init__(self, body: BodyConfig, lens: Lens) -> None:
         self._body, self._lens = body, lens
         self._ahead = body.camera_ahead_cm
+        ends = lens.to_rays(np.array([[0.0, lens.cy], [lens.width - 1.0, lens.cy]]))
+        self._most_aside = float(np.abs(ends[:, 0]).max()) + BESIDE  # beyond, all directions seem alike
         self._mean = np.zeros(OWN)
         self._mean[Z] = -self._ahead
-        self._before_s = -math.inf  # when BEFORE was, and the heading then in the frame that never jumps
-        self._before_smooth = 0.0
+        self._looked_s = -math.inf  # last look at a turn, and the heading then in the frame that never jumps
+        self._looked_smooth = 0.0
+        self._turned = self._turned_variance = 0.0  # as was seen from BEFORE up to there, rad
+        self._way_since_cm = 0.0  # BEFORE
+        self._before_wheels = 0.0  # standard error then of where they stand in their cells, as a heading
+        self._odd: tuple[tuple[float, float], ...] = ()  # turns that no wheel tells of, and variances, since
         self._cov = np.zeros((OWN, OWN))
         self._cov[RATIO, RATIO], self._cov[TRACK, TRACK] = RATIO_SIGMA**2, TRACK_SIGMA**2
         self.landmarks: list[Landmark] = []
@@ -121,7 +141,7 @@ class Localiser:
         self._since_cm = self._since_rad = math.inf  # since the last correction
         self._turn_rate = 0.0
         self.corrections = 0
-        self._before: list[tuple[Landmark, np.ndarray]] = []  # landmarks of a frame that was lost, places
+        self._before: list[_Lost] = []
         self._tried: set[int] = set()  # landmarks by which it was last looked for
         self._idle = 0  # frames since
         self.jump_cm = 0.0  # by how much the last update moved the robot on the map; 100 for a radian
@@ -171,6 +191,7 @@ class Localiser:
         self._predict(way, turn)
         self._turn_rate = true_turn / dt
         self._since_cm += abs(way)
+        self._way_since_cm += abs(way)
         self._since_rad += abs(true_turn)
         return self._smooth
 
@@ -252,31 +273,65 @@ class Localiser:
         return self.pose()
 
     def _turn_as_seen(self, motion: SolvedMotion | None) -> None:
-        """The net saw how far the camera turned since a moment ago: that tells what the wheels are like."""
+        """The net saw how far the camera turned since a moment ago: that tells what the wheels are like.
+
+        Where wheels that roll cannot have turned it so, one of them slipped: the turn is the one seen.
+        """
         m, p, now_s = self._mean, self._cov, self._odometry.t_s if self._odometry else 0.0
-        if now_s - self._before_s < SEEN_TURN_S:
+        if now_s - self._looked_s < SEEN_TURN_S:
             return
-        heading = heading_of(self._smooth)
-        seen = [c for c in motion.since if c.since_s == self._before_s] if motion is not None else []
-        if seen and seen[0].sigma_yaw_rad < SEEN_TURN_SIGMA:
-            turned = wrap(heading - self._before_smooth)
-            news = turned + seen[0].yaw_rad - (m[HEADING] - m[BEFORE])
-            noise = (SEEN_TURN_RAD**2 + seen[0].sigma_yaw_rad ** 2) + (SEEN_TURN_SHARE * turned) ** 2
+        heading, wheels = heading_of(self._smooth), self._odometry.sigma_rot_rad if self._odometry else 0.0
+        seen = [c for c in motion.since if c.since_s == self._looked_s] if motion is not None else []
+        odd, self._odd = self._odd, ()
+        if seen and seen[0].sigma_yaw_rad < (ODD_TURN_SIGMA if odd else SEEN_TURN_SIGMA):
+            turned = wrap(heading - self._looked_smooth)
+            self._turned += turned + seen[0].yaw_rad
+            self._turned_variance += (
+                SEEN_TURN_RAD**2 + seen[0].sigma_yaw_rad ** 2 + (SEEN_TURN_SHARE * turned) ** 2
+            )
+            news = self._turned - (m[HEADING] - m[BEFORE])
+            noise = self._turned_variance + wheels**2 + self._before_wheels**2
             ph = p[:, HEADING] - p[:, BEFORE]
             total = ph[HEADING] - ph[BEFORE] + noise
             if news * news < SEEN_TURN_GATE * total:
+                total += (SEEN_TURN_ALIKE * self._way_since_cm) ** 2
                 self._mean = m = m + ph * (news / total)
                 p -= np.outer(ph, ph / total)
+            else:
+                self._odd = (*odd, (news, noise))
+                if len(self._odd) < ODD_TURNS:  # between two edges it may only seem so
+                    self._looked_s, self._looked_smooth = now_s, heading
+                    return
+                self._slipped()
         m[BEFORE] = m[HEADING]
         p[BEFORE] = p[HEADING]
         p[:, BEFORE] = p[:, HEADING]
-        self._before_s, self._before_smooth = now_s, heading
+        self._looked_s, self._looked_smooth, self._before_wheels = now_s, heading, wheels
+        self._turned = self._turned_variance = self._way_since_cm = 0.0
+
+    def _slipped(self) -> None:
+        """A wheel slipped, by which the robot turned otherwise than its wheels say."""
+        turn_rad, variance = self._odd[-1]
+        self._odd = ()
+        self._mean[HEADING] += turn_rad
+        way = 0.5 * self._body.track_cm  # that its middle went for each rad of that
+        doubt = abs(turn_rad) * np.array([way, way, SLIP_DOUBT])
+        self._cov[HEADING, HEADING] += variance
+        for at, sigma in zip((X, Z, HEADING), doubt.tolist(), strict=True):
+            self._cov[at, at] += sigma * sigma
 
     def lose_place(self) -> None:
-        """The robot is elsewhere than the wheels say: what was known becomes a place to be found again."""
-        places = [self.landmark_cm(row) for row in range(len(self.landmarks))]
-        known = zip(self.landmarks, places, strict=True)
-        known = [(mark, place) for mark, place in known if mark.seen >= SURELY_SEEN]
+        """The robot is elsewhere than the wheels say: what was known becomes a place to be found again.
+
+        Until then it is taken to have slipped.
+        """
+        if self._odd:
+            self._slipped()
+        known = []
+        for row, mark in enumerate(self.landmarks):
+            at = slice(OWN + 2 * row, OWN + 2 * row + 2)
+            if mark.seen >= SURELY_SEEN:
+                known.append(_Lost(mark, self._mean[at].copy(), self._cov[at, at].copy()))
         # it may have been lost before: what was known then and is not known anew
         earlier = [one for one in self._before if not any(_same(one, other) for other in known)]
         self._before = [*known, *earlier][:LANDMARKS]
@@ -284,10 +339,10 @@ class Localiser:
         self.landmarks = []
         self._candidates, self._refused = {}, set()
         self._mean = self._mean[:OWN].copy()
-        learnt = self._cov[RATIO:BEFORE, RATIO:BEFORE]
-        self._cov = np.zeros((OWN, OWN))
-        self._cov[RATIO:BEFORE, RATIO:BEFORE] = learnt
-        self._before_s = -math.inf
+        self._cov = self._cov[:OWN, :OWN].copy()
+        for at, off in ((X, SLIPPED_CM), (Z, SLIPPED_CM), (HEADING, SLIPPED_RAD)):
+            self._cov[at, at] += (off / 2) ** 2
+        self._looked_s = -math.inf
 
     def _find_again(self) -> None:
         """Landmarks seen now that are known from before, and lie to each other as they did, tell where.
@@ -303,7 +358,8 @@ class Localiser:
             return
         self._tried, self._idle = sure, 0
         near = np.array([
-            [math.dist(self.landmark_cm(row), place) < self._pushed_cm(place) for _, place in self._before]
+            [math.dist(self.landmark_cm(row), one.place_cm) < self._pushed_cm(one.place_cm)
+             for one in self._before]
             for row in rows
         ], dtype=bool).reshape(len(rows), len(self._before))  # fmt: skip
         pairs, now, then, fits, worth = self._compare_places(rows, self._before, near)
@@ -312,15 +368,26 @@ class Localiser:
             pairs, now, then, fits, worth = self._compare_places(rows, self._before, np.ones_like(near))
             if worth < ENOUGH_ELSEWHERE or fits.sum() < 3 or 3 * fits.sum() < 2 * len(fits):
                 return
-        if not worth >= wanted == ENOUGH:  # else what was known corrects the place as it is seen again
+        if worth >= wanted == ENOUGH:
+            self._meet([pair for pair, fit in zip(pairs, fits.tolist(), strict=True) if fit])
+        else:
             self._change_frame(now[fits], then[fits])
         gone = {k for _, k in pairs}
-        for k, (mark, place) in enumerate(self._before):
+        for k, one in enumerate(self._before):
             if k not in gone and len(self.landmarks) < LANDMARKS:
-                self._append(place, KEPT_CM**2 * np.eye(2), np.zeros((2, len(self._mean))))
-                mark.key, mark.strikes = None, 0
-                self.landmarks.append(mark)
+                self._append(one.place_cm, KEPT_CM**2 * np.eye(2), np.zeros((2, len(self._mean))))
+                one.mark.key, one.mark.strikes = None, 0
+                self.landmarks.append(one.mark)
         self._before = []
+
+    def _meet(self, pairs: list[tuple[int, int]]) -> None:
+        """Landmarks (row, index) are what was known before: all that was seen from here goes with them."""
+        m, p = self._mean, self._cov
+        for row, k in pairs:
+            at, lost = slice(OWN + 2 * row, OWN + 2 * row + 2), self._before[k]
+            gain = p[:, at] @ np.linalg.inv(p[at, at] + lost.covariance + SAME_CM**2 * np.eye(2))
+            m += gain @ (lost.place_cm - m[at])
+            p -= gain @ p[at]
 
     def _pushed_cm(self, place_cm: np.ndarray) -> float:
         """So far from where it was may something seem to be after a slip or a push."""
@@ -338,19 +405,19 @@ class Localiser:
             return ENOUGH
         return ENOUGH_PUSHED if abs(turn) < PUSHED_RAD and off_cm < PUSHED_CM else math.inf
 
-    def _compare_places(self, rows: list[int], known: list[tuple[Landmark, np.ndarray]], may: np.ndarray):
+    def _compare_places(self, rows: list[int], known: list[_Lost], may: np.ndarray):
         """Landmarks that look like known ones: (row, index) pairs, places now and then, which fit, worth.
 
         ``may`` (rows, known) says which come into question.
         """
         unlike = np.array([
-            [self.landmarks[row].look.unlike(mark.look) for mark, _ in known] for row in rows
+            [self.landmarks[row].look.unlike(one.mark.look) for one in known] for row in rows
         ]).reshape(len(rows), len(known))  # fmt: skip
         unlike[~may] = np.inf
         pairs = [(rows[i], k) for i, k in recognise(unlike).items()]
         now = np.array([self.landmark_cm(row) for row, _ in pairs]).reshape(-1, 2)
-        then = np.array([known[k][1] for _, k in pairs]).reshape(-1, 2)
-        counts = np.array([len(known[k][0].look.colours) for _, k in pairs])  # 1 of a thing, 2 of an edge
+        then = np.array([known[k].place_cm for _, k in pairs]).reshape(-1, 2)
+        counts = np.array([len(known[k].mark.look.colours) for _, k in pairs])  # 1 of a thing, 2 of an edge
         fits = _fitting(now, then)
         return pairs, now, then, fits, int((3 - counts[fits]).sum()) if len(pairs) else 0
 
@@ -418,14 +485,14 @@ class Localiser:
         return math.inf if found is None else found.chi2
 
     def _compare(self, sighting: Sighting, row: int) -> _News | None:
-        """What a sighting says beyond what was expected of a landmark; None where that is behind."""
+        """What a sighting says beyond what was expected of a landmark; None where that cannot be in view."""
         p, at = self._cov, OWN + 2 * row
         own_x, own_z, heading = self._mean[: HEADING + 1].tolist()
         x, z = self._mean[at : at + 2].tolist()
         sine, cosine = math.sin(heading), math.cos(heading)
         dx, dz = x - own_x - self._ahead * sine, z - own_z - self._ahead * cosine
         depth, side = dx * sine + dz * cosine, dx * cosine - dz * sine
-        if depth < NEAREST_CM:
+        if depth < NEAREST_CM or abs(side) > self._most_aside * depth:
             return None
         u, w = side / depth, 1 / depth
         # derivatives of across and near by the landmark's x and z; those by the robot's are their opposite
@@ -538,8 +605,9 @@ class Localiser:
         del self.landmarks[index]
 
 
-def _same(one: tuple[Landmark, np.ndarray], other: tuple[Landmark, np.ndarray]) -> bool:
-    return math.dist(one[1], other[1]) < APART_CM and one[0].look.unlike(other[0].look) < UNLIKE
+def _same(one: _Lost, other: _Lost) -> bool:
+    near = math.dist(one.place_cm, other.place_cm) < APART_CM
+    return near and one.mark.look.unlike(other.mark.look) < UNLIKE
 
 
 def _fitting(now: np.ndarray, then: np.ndarray) -> np.ndarray:

@@ -28,7 +28,8 @@ LEAST_POINTS = 6
 LEAST_PX = 8.0  # expected way from which slipping can be told: depths may be wrong, and a pixel is nothing
 SIGMAS = 6.0  # and it must be this much longer than what the heading by the wheels may be off by
 SLIPS_BELOW = 0.5  # share of the expected way, of points that are known by name
-SHARE_SIGMA = 0.12  # how well it must be known
+SHARE_SIGMAS = 2.5  # by which it is less, in several looks
+SHARE_SIGMA = 0.12  # how well it must be known to say that they do not slip
 POINT_PX = 1.0  # standard error of a point's way
 NOD_PX = 2.0  # and of the camera's pitch
 OFF_PX = 2.0  # points that are on the mean so far from any edge are not where they should be,
@@ -164,9 +165,11 @@ class WheelWatch:
         regions = {region.id: region for region in view.snapshot.regions}
         before, self._regions = self._regions, regions
         changed = self._changed(view)
-        if begin is None or last is None or now.pose.t_s - begin.pose.t_s > WINDOW_S:
+        if begin is None or last is None or now.pose.t_s - last.pose.t_s > WINDOW_S:
             self._from, self._slip_looks = now, 0
             return None
+        if now.pose.t_s - begin.pose.t_s > WINDOW_S:
+            begin, self._from, self._slip_looks = last, last, 0
         found = self._other(changed, last.pose, now.pose)
         calm = not self._moved.any()  # else it may be what moves that is another region now
         if changed > SOME_SHARE and calm:  # or else it is the net that sees the same differently
@@ -258,10 +261,11 @@ class WheelWatch:
             if ways.expected_px < LEAST_PX:
                 return None
             share, sigma = ways.share(heading_px)
-            if sigma > SHARE_SIGMA:
+            slips = share + SHARE_SIGMAS * sigma <= SLIPS_BELOW
+            if sigma > SHARE_SIGMA and not slips:
                 return None
             shown = f"of the way they count the picture shows {100 * max(0.0, share):.0f} %"
-            return self._surely(share + 3 * sigma <= SLIPS_BELOW, shown, now)
+            return self._surely(slips, shown, now)
         inside, rays = ways.inside, ways.rays
         if inside.sum() < LEAST_POINTS:
             self._from = now

@@ -105,6 +105,11 @@ class Robotic:
             self.t_s += FRAME_S
             self.look()
 
+    def slip(self, turn_rad: float) -> None:
+        """A wheel slips: the robot turns and its wheels say that it did not."""
+        x, z, heading = self.true
+        self.true = x, z, heading + turn_rad
+
     def go_to(self, x: float, z: float) -> None:
         """Turn towards a place, in truth, and go there."""
         dx, dz = x - self.true[0], z - self.true[1]
@@ -284,6 +289,18 @@ def test_a_mover_that_nobody_told_of_does_not_carry_the_pose_away_among_things_t
     assert max(robot.errors) < 5.0
 
 
+def test_what_stands_beside_the_camera_is_not_taken_for_what_is_seen_ahead():
+    """There, where heading is in doubt, any direction would do."""
+    rgb = (200.0, 40.0, 40.0)
+    robot = Robotic([Pillar(0.0, 150.0, 8.0, 25.0, rgb), Pillar(150.0, -12.0, 8.0, 25.0, rgb)], 0.0, 0.0)
+    robot.drive(12.0, 0.0)
+    robot.localiser._cov[2, 2] += 0.1**2
+    robot.drive(0.0, math.radians(83.0))
+    off = wrap(heading_of(robot.localiser.pose()) - robot.true[2])
+    assert sum(mark.returns for mark in robot.localiser.landmarks) == 0
+    assert abs(off) < 0.02
+
+
 def test_put_elsewhere_it_finds_its_place_again_among_known_things():
     robot = Robotic(pillars(6, 8), 0.0, 0.0)
     square(robot, 1)
@@ -325,6 +342,34 @@ def test_turns_that_the_net_saw_tell_the_wheels_apart_before_any_landmark_does()
         print(f"\nratio {ratio:.4f} ± {sigma:.4f}; off {robot.errors[-1]:.1f} cm, {robot.by_wheels[-1]:.1f}")
         assert abs(ratio - 0.03) < min(3 * sigma, 0.006)
         assert robot.errors[-1] < robot.by_wheels[-1] / 4
+
+
+@pytest.mark.parametrize("turned", [0.04, -0.09])
+def test_after_a_wheel_slipped_the_heading_is_the_one_that_the_net_saw(turned: float):
+    robot = Robotic([], 0.0, 0.0)
+    robot.turn_seen_rad = 0.001
+    robot.drive(60.0, 0.0)
+    robot.slip(turned)
+    robot.drive(60.0, 0.0)
+    off = wrap(heading_of(robot.localiser.pose()) - robot.true[2])
+    print(f"\nslipped by {math.degrees(turned):.1f} deg: {math.degrees(off):.2f} off")
+    assert abs(off) < 0.02
+    assert robot.localiser.wheel_ratio[0] == pytest.approx(0.0, abs=0.003)  # it is no wheel's size
+    assert robot.localiser.sigma[1] > abs(off) / 2
+
+
+def test_a_slip_that_nobody_saw_is_made_up_for_by_what_was_known_before():
+    for seed in range(3, 7):
+        robot = Robotic(pillars(seed, 8), 0.0, 0.0)
+        square(robot, 1)
+        robot.slip(0.1)
+        robot.names.clear()
+        robot.localiser.lose_place()
+        square(robot, 1)
+        off = wrap(heading_of(robot.localiser.pose()) - robot.true[2])
+        print(f"\nseed {seed}: off {robot.errors[-1]:.1f} cm, {math.degrees(off):.1f} deg")
+        assert not robot.localiser.astray
+        assert abs(off) < 0.04
 
 
 def test_another_room_is_not_taken_for_the_one_that_was_lost():
