@@ -113,7 +113,7 @@ class Picture:
 
     def columns_of(self, region: int) -> np.ndarray:
         """Columns in which a region is seen."""
-        return np.flatnonzero(self.lowest[self.place[region]] >= 0)
+        return (self.lowest[self.place[region]] >= 0).nonzero()[0]
 
 
 def label_image(snapshot: Snapshot, lens: Lens) -> np.ndarray:

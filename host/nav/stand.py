@@ -177,7 +177,7 @@ def stand_of(
     the image it is nearer than the border: what little of a foot is left to see then says nothing.
     """
     measured = None if moving or mixed else usable_depth(report, region_id)  # true of things at rest
-    covered = np.flatnonzero(feet.region == region_id) if mixed else picture.columns_of(region_id)
+    covered = (feet.region == region_id).nonzero()[0] if mixed else picture.columns_of(region_id)
     columns, cut = feet.columns_of(region_id)
     mostly_cut = len(cut) >= LEAST_COLUMNS and len(cut) > CUT_PART * (len(columns) + len(cut))
     if len(columns) >= LEAST_COLUMNS and (not mostly_cut or _is_straight_wall(feet, columns, covered)):
@@ -212,10 +212,13 @@ def _has_wall_behind(feet: Feet, columns: np.ndarray, nearest: float) -> bool:
     What hangs over at the sides, as a ball does, has no straight foot there.
     """
     far = columns[feet.slope[columns] < HANGING * nearest]
-    for run in np.split(far, np.flatnonzero(np.diff(far) > 1) + 1):
-        if len(run) < LEAST_COLUMNS or _straight_line(run, feet.slope[run]) is None:
+    ends = [0, *((far[1:] - far[:-1] > 1).nonzero()[0] + 1).tolist(), len(far)]
+    for begin, end in pairwise(ends):
+        if end - begin < LEAST_COLUMNS:
             continue
-        if feet.width_cm(run, feet.height_cm / _mean(feet.slope[run])) > WALL_CM:
+        run = far[begin:end]
+        slopes = feet.slope[run]
+        if feet.width_cm(run, feet.height_cm / _mean(slopes)) > WALL_CM and _straight_line(run, slopes):
             return True
     return False
 
@@ -258,7 +261,7 @@ def _on_its_feet(
         if (placed := _placed(_mean(slopes), sigma, measured, height)) is None:
             return None
         if line is not None:
-            columns = np.flatnonzero(feet.region == region)  # also where its feet are below the image
+            columns = (feet.region == region).nonzero()[0]  # also where its feet are below the image
             slopes = line[0] + line[1] * columns
         return Standing(region, columns, height / np.maximum(slopes, height / FARTHEST_CM), *placed[1:])
 
