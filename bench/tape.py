@@ -94,9 +94,10 @@ class _TapedClock:
 class _TapedLine:
     def __init__(self, tape: Tape):
         self._received = iter(tape.received)
+        self.written_s = 0.0  # when something was last sent, by the thread's own clock
 
     def write(self, data: bytes) -> None:
-        pass
+        self.written_s = time.thread_time()
 
     def read(self) -> bytes:
         return next(self._received, b"")
@@ -137,17 +138,22 @@ def record(camera_uri: str, robot_uri: str, longest_s: float) -> tuple[Tape, Dri
 
 
 def play(tape: Tape, longest_s: float) -> tuple[list[dict[str, float]], DriveLog]:
-    """The loop on a tape; for each picture driven on the processor's ms by stage, and ``all``."""
+    """The loop on a tape; for each picture driven on the processor's ms by stage, and of the whole.
+
+    ``command`` is from the picture until its command was sent, ``all`` until everything was noted as well.
+    """
     clock = _TapedClock(tape)
-    camera = _TapedCamera(tape, clock)
+    camera, line = _TapedCamera(tape, clock), _TapedLine(tape)
     rows: list[dict[str, float]] = []
 
     def on_view(view: View) -> None:
-        rows.append({**view.stage_ms, "all": 1e3 * (time.thread_time() - camera.given_s)})
+        times = {"command": line.written_s, "all": time.thread_time()}
+        since = {name: 1e3 * (s - camera.given_s) for name, s in times.items()}
+        rows.append({**view.stage_ms, **since})
 
     # other programs on the machine must not count as time of a stage
     with patch("time.perf_counter", time.thread_time):
-        log = _drive(_TapedLine(tape), clock, camera, tape, longest_s, on_view)
+        log = _drive(line, clock, camera, tape, longest_s, on_view)
     return rows, log
 
 
