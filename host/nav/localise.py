@@ -40,7 +40,8 @@ SEEN_TURN_SHARE = 0.06  # and of a turn: rows are exposed one after another
 SEEN_TURN_ALIKE = 2e-3  # and for each cm of way: seen turns err alike for decimetres, by up to 1e-3
 SEEN_TURN_GATE = 9.0  # chi2 beyond which a wheel slipped, and nothing is learnt of the wheels from it
 SLIP_DOUBT = 0.3  # of such a turn stays in doubt: what moves may look like it
-ODD_TURNS, ODD_TURN_SIGMA = 3, 0.01  # looks in a row that show it, of which the later ones may be worse
+ROLLS_CM, ROLLING_TURN_SIGMA = 1.0, 0.003  # wheels that roll so far may slip: looks may be so bad
+ODD_TURNS, ODD_TURN_SIGMA = 3, 0.01  # looks in a row that show it, and the later ones so bad
 
 STEP_CM, STEP_RAD = 1.5, 0.02  # corrections are made each time the robot has moved so far
 GATE = 13.8  # chi2 of two measures beyond which a sighting corrects nothing
@@ -283,7 +284,8 @@ class Localiser:
         heading, wheels = heading_of(self._smooth), self._odometry.sigma_rot_rad if self._odometry else 0.0
         seen = [c for c in motion.since if c.since_s == self._looked_s] if motion is not None else []
         odd, self._odd = self._odd, ()
-        if seen and seen[0].sigma_yaw_rad < (ODD_TURN_SIGMA if odd else SEEN_TURN_SIGMA):
+        begin = ROLLING_TURN_SIGMA if self._way_since_cm > ROLLS_CM else SEEN_TURN_SIGMA
+        if seen and seen[0].sigma_yaw_rad < (ODD_TURN_SIGMA if odd else begin):
             turned = wrap(heading - self._looked_smooth)
             self._turned += turned + seen[0].yaw_rad
             self._turned_variance += (
@@ -294,15 +296,19 @@ class Localiser:
             ph = p[:, HEADING] - p[:, BEFORE]
             total = ph[HEADING] - ph[BEFORE] + noise
             if news * news < SEEN_TURN_GATE * total:
-                total += (SEEN_TURN_ALIKE * self._way_since_cm) ** 2
-                self._mean = m = m + ph * (news / total)
-                p -= np.outer(ph, ph / total)
+                if seen[0].sigma_yaw_rad < SEEN_TURN_SIGMA:
+                    total += (SEEN_TURN_ALIKE * self._way_since_cm) ** 2
+                    self._mean = m = m + ph * (news / total)
+                    p -= np.outer(ph, ph / total)
             else:
                 self._odd = (*odd, (news, noise))
                 if len(self._odd) < ODD_TURNS:  # between two edges it may only seem so
                     self._looked_s, self._looked_smooth = now_s, heading
                     return
                 self._slipped()
+        elif len(odd) > 1:  # no more is seen of it
+            self._odd = odd
+            self._slipped()
         m[BEFORE] = m[HEADING]
         p[BEFORE] = p[HEADING]
         p[:, BEFORE] = p[:, HEADING]

@@ -84,6 +84,7 @@ class Robotic:
         self.named = 0
         self.moving: set[int] = set()  # pillars that are said to move
         self.turn_seen_rad: float | None = None  # how far off turns are that the net saw; None: it sees none
+        self.turn_sigma_rad = 5e-4  # and how far off the net believes them to be
         self.earlier: list[tuple[float, float, float]] = []  # time, true heading, heading told
         self.t_s = 0.0
         self.errors: list[float] = []
@@ -129,7 +130,7 @@ class Robotic:
         told, since = heading_of(smooth), []
         for before_s, true, told_before in self.earlier:
             yaw = (self.true[2] - true) - (told - told_before) + self.rng.normal(0.0, self.turn_seen_rad)
-            since.append(Correction(before_s, yaw, 5e-4, 0.0, 1.0))
+            since.append(Correction(before_s, yaw, self.turn_sigma_rad, 0.0, 1.0))
         self.earlier = [*self.earlier[-2:], (self.t_s, self.true[2], told)]
         return SolvedMotion(smooth, 0.0, 0.0, 0.0, tuple(since))
 
@@ -344,13 +345,18 @@ def test_turns_that_the_net_saw_tell_the_wheels_apart_before_any_landmark_does()
         assert robot.errors[-1] < robot.by_wheels[-1] / 4
 
 
-@pytest.mark.parametrize("turned", [0.04, -0.09])
-def test_after_a_wheel_slipped_the_heading_is_the_one_that_the_net_saw(turned: float):
+@pytest.mark.parametrize(
+    ("turned", "sigma", "looks"), [(0.04, 5e-4, 10), (-0.09, 2.5e-3, 10), (0.06, 5e-4, 2)]
+)
+def test_after_a_wheel_slipped_the_heading_is_the_one_that_the_net_saw(turned, sigma, looks):
     robot = Robotic([], 0.0, 0.0)
     robot.turn_seen_rad = 0.001
     robot.drive(60.0, 0.0)
     robot.slip(turned)
-    robot.drive(60.0, 0.0)
+    robot.turn_sigma_rad = sigma
+    robot.drive(looks * 2 * FRAME_S * SPEED_CM_S, 0.0)
+    robot.turn_seen_rad = None  # nothing to see there
+    robot.drive(10.0, 0.0)
     off = wrap(heading_of(robot.localiser.pose()) - robot.true[2])
     print(f"\nslipped by {math.degrees(turned):.1f} deg: {math.degrees(off):.2f} off")
     assert abs(off) < 0.02
