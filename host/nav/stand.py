@@ -35,6 +35,7 @@ TOUCHING = 1.05  # columns whose foot is nearer than this times the nearest foot
 EDGE = 0.004  # rms of feet about a straight edge: rows of STEP_PX make 0.002
 SEAM_EDGE = 0.012  # and of feet that the picture itself was asked for, in strips
 SIGMA_EDGE = 0.004  # of the slope of a straight edge, tilt of the camera included; of many feet
+SIGMA_SEAM = 0.02  # of a foot that only the picture shows: it finds the shade before a wall as well
 SIGMA_FOOT = 0.007  # of the nearest of other feet
 SIGMA_ROUND = 0.015  # of the foot of what hangs over: it is in its own shade
 CONTRADICTED = 0.5  # of the difference between foot and depth that contradict each other is the sigma
@@ -257,7 +258,7 @@ def _on_its_feet(
     nearest = nearest_slope(slopes)
     if feet.width_cm(covered, height / nearest) > WALL_CM or _has_wall_behind(feet, columns, nearest):
         line = _straight_line(columns, slopes)
-        sigma = SIGMA_RAY if mixed or line is None else SIGMA_EDGE
+        sigma = SIGMA_SEAM if mixed else SIGMA_RAY if line is None else SIGMA_EDGE
         if (placed := _placed(_mean(slopes), sigma, measured, height)) is None:
             return None
         if line is not None:
@@ -269,14 +270,14 @@ def _on_its_feet(
     edges = _nav.along_edges(*shape, SEAM_EDGE if mixed else EDGE)
     if edges is not None:
         mean = len(edges) / float((1.0 / edges).sum())  # of the mean depth, which motion tells
-        placed = _placed(mean, SIGMA_RAY if mixed else SIGMA_EDGE, measured, height)
+        placed = _placed(mean, SIGMA_SEAM if mixed else SIGMA_EDGE, measured, height)
         if placed is None:
             return None
         slopes = np.maximum(edges + (placed[0] - mean), height / FARTHEST_CM)
         return Standing(region, covered, height / slopes, *placed[1:])
 
     hangs = hangs_over(slopes, columns, covered, nearest, len(feet.cut)) or _nav.tapers(*shape)
-    sigma = SIGMA_RAY if mixed else SIGMA_ROUND if hangs else SIGMA_FOOT
+    sigma = SIGMA_SEAM if mixed else SIGMA_ROUND if hangs else SIGMA_FOOT
     if measured is not None:
         z, sigma_cm, how = measured
         width_cm = feet.width_cm(covered, z)
