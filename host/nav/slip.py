@@ -28,8 +28,7 @@ LEAST_POINTS = 6
 LEAST_PX = 8.0  # expected way from which slipping can be told: depths may be wrong, and a pixel is nothing
 SIGMAS = 6.0  # and it must be this much longer than what the heading by the wheels may be off by
 SLIPS_BELOW = 0.5  # share of the expected way, of points that are known by name
-SHARE_SIGMAS = 2.5  # by which it is less, in several looks
-SHARE_SIGMA = 0.12  # how well it must be known to say that they do not slip
+SHARE_SIGMA = 0.12  # how well it must be known
 POINT_PX = 1.0  # standard error of a point's way
 NOD_PX = 2.0  # and of the camera's pitch
 OFF_PX = 2.0  # points that are on the mean so far from any edge are not where they should be,
@@ -261,11 +260,10 @@ class WheelWatch:
             if ways.expected_px < LEAST_PX:
                 return None
             share, sigma = ways.share(heading_px)
-            slips = share + SHARE_SIGMAS * sigma <= SLIPS_BELOW
-            if sigma > SHARE_SIGMA and not slips:
+            if sigma > SHARE_SIGMA:
                 return None
             shown = f"of the way they count the picture shows {100 * max(0.0, share):.0f} %"
-            return self._surely(slips, shown, now)
+            return self._surely(share + 3 * sigma <= SLIPS_BELOW, shown, now)
         inside, rays = ways.inside, ways.rays
         if inside.sum() < LEAST_POINTS:
             self._from = now
