@@ -191,7 +191,7 @@ class Approach:
         self._v_cm_s = 0.0  # forward speed last told
         self._back_from: tuple[float, float] | None = None  # where it began to step back for a better look
         self._back_s: float | None = None  # when it had
-        self._looked_again = False
+        self._doubted_cm: float | None = None  # along the way; there it looked again
 
     def decide(self, obstacle_map: ObstacleMap, camera: Pose) -> Command:
         config = obstacle_map.config
@@ -211,7 +211,7 @@ class Approach:
         ahead, met = self._ahead(obstacle_map, profile, (x, z), heading)
         ahead = replace(ahead, blind_cm=math.inf)  # it looks where it goes, straight from its start
         if met and ahead.room_cm - self.stop_cm < ARRIVED_CM:
-            if not met.firm and not self._looked_again:  # it may be a fleck of the floor
+            if not met.firm and not self._looked_again((x, z)):  # it may be a fleck of the floor
                 self._back_from = (x, z)
                 return Command(0.0, 0.0, f"stop: {ahead.room_cm:.1f} cm before {ahead}, seen too briefly")
             return Command(0.0, 0.0, f"{ahead.room_cm:.1f} cm before {ahead}", "approached")
@@ -223,6 +223,8 @@ class Approach:
         if met and v == 0.0:
             v, reason = SLOWEST_CM_S, f"creep: {ahead}, {ahead.room_cm:.1f} cm from the rim"
         too_near = ahead.obstacle is not None and ahead.obstacle.how == AT_BORDER
+        if self._looked_again((x, z)) and v > config.creep_cm_s:  # to see long what it may have to stop for
+            v, reason = config.creep_cm_s, f"creep: {ahead.room_cm:.0f} cm free ahead, where it was in doubt"
         if v > 0.0 and not too_near:
             self._stands_s = None
             v, reason = up_to(held, config, v, reason)
@@ -233,7 +235,7 @@ class Approach:
             return Command(0.0, 0.0, f"stop: {ahead}")
         if ahead.edge:
             return Command(0.0, 0.0, "at the edge of the map; set nav.map_half_cm", "blocked")
-        if not self._looked_again:  # cells say so, and no thing that is known to stand there
+        if not self._looked_again((x, z)):  # cells say so, and no thing that is known to stand there
             self._back_from = (x, z)
             return Command(0.0, 0.0, f"stop: {ahead.room_cm:.0f} cm before {ahead}, in doubt")
         if too_near:
@@ -245,6 +247,7 @@ class Approach:
         assert self._heading is not None
         if self._profile is None or obstacle_map is not self._map:  # a new map: the robot is elsewhere
             self._profile, self._map = Profile(*here, self._heading), obstacle_map
+            self._doubted_cm = None
         sight = obstacle_map.sight
         if sight is not None and sight.t_s > self._sight_s:
             self._profile.see(sight)
@@ -281,7 +284,7 @@ class Approach:
     def _step_back(
         self, obstacle_map: ObstacleMap, t_s: float, here: tuple[float, float], heading: float
     ) -> Command | None:
-        """Once, to look again at what is remembered below the picture; None when that is done."""
+        """Once at a place, to look again at what is remembered below the picture; None when that is done."""
         if self._back_from is None:
             return None
         gone = math.dist(self._back_from, here)
@@ -294,8 +297,17 @@ class Approach:
         self._back_s = t_s if self._back_s is None else self._back_s
         if t_s - self._back_s < LOOK_S:
             return Command(0.0, 0.0, "stop: looking again at what is remembered ahead")
-        self._back_from, self._looked_again, self._stands_s = None, True, None
+        self._doubted_cm = self._along_cm(self._back_from)
+        self._back_from, self._back_s, self._stands_s = None, None, None
         return None
+
+    def _looked_again(self, here: tuple[float, float]) -> bool:
+        """Whether it is about where it was in doubt and looked twice already."""
+        return self._doubted_cm is not None and self._along_cm(here) < self._doubted_cm + STEP_BACK_CM
+
+    def _along_cm(self, place: tuple[float, float]) -> float:
+        assert self._profile is not None
+        return self._profile.place_of(*place)[0]
 
 
 def _met(obstacle_map: ObstacleMap, met: Met) -> Obstacle:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -173,3 +174,28 @@ def test_a_remembered_thing_that_is_gone_when_looked_at_again_does_not_end_an_ap
     assert command.outcome == "approached"
     assert any("to look again" in reason for reason in reasons)
     assert 180 - z == pytest.approx(20, abs=1.5)
+
+
+def test_an_approach_in_doubt_at_two_places_looks_again_at_each_and_creeps_there():
+    floor, task, flecks_cm, doubted_cm = seen_floor(), Approach(20.0), [100.0, 200.0], []
+    fill(floor, flecks_cm[0], region=7)
+    z, farthest, said, command = 0.0, 0.0, [], Command(0.0, 0.0, "")
+    for k in range(2400):
+        command = task.decide(floor, Pose.planar(0.0, z, 0.0, t_s=k / 20))
+        said.append(command.reason)
+        if command.outcome is not None:
+            break
+        if any(abs(z - place) < 35.0 for place in doubted_cm):
+            assert command.v_mm_s <= 10 * NavConfig().creep_cm_s
+        z += command.v_mm_s / 10 / 20
+        farthest = max(farthest, z)
+        if flecks_cm and z < farthest - 25.0:  # now the camera sees that nothing stands there
+            flecks_cm.pop(0)
+            doubted_cm.append(farthest)
+            farthest = z
+            floor.evidence[:] = 2 * FREE
+            fill(floor, flecks_cm[0] if flecks_cm else 280.0, region=7)
+    assert command.outcome == "approached"
+    assert 280 - z == pytest.approx(20, abs=1.5)
+    began = [b for a, b in pairwise(said) if "look again" in b and "look again" not in a]
+    assert len(began) == 3  # the last time it is there
