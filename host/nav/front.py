@@ -141,7 +141,7 @@ class Profile:
                 seen = mine[~feet.cut[mine]]
                 depth[seen] = front[np.searchsorted(thing.columns, seen)]
                 doubt[seen] = 0.1 * thing.round_cm
-            if thing.weight == FAINT:
+            if thing.weight == FAINT or thing.seam:
                 doubt[mine] = np.maximum(doubt[mine], thing.sigma_cm)
             cut = thing.columns[feet.cut[thing.columns] & (feet.region[thing.columns] == thing.region)]
             if len(cut) and thing.how != "foot":

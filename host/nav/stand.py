@@ -70,6 +70,7 @@ class Standing:
     how: str  # the depth's method, "foot", or AT_BORDER
     weight: float  # log-odds
     round_cm: float = 0.0  # radius of what is round and hangs over, such as a ball
+    seam: bool = False  # only the picture shows its foot; a shade before another thing looks like that
 
     def by_column(self, width: int) -> np.ndarray:
         """(width,) depth in each column, nan where it is not."""
@@ -182,7 +183,8 @@ def stand_of(
     columns, cut = feet.columns_of(region_id)
     mostly_cut = len(cut) >= LEAST_COLUMNS and len(cut) > CUT_PART * (len(columns) + len(cut))
     if len(columns) >= LEAST_COLUMNS and (not mostly_cut or _is_straight_wall(feet, columns, covered)):
-        return _on_its_feet(region_id, measured, feet, columns, covered, picture, mixed)
+        found = _on_its_feet(region_id, measured, feet, columns, covered, picture, mixed)
+        return replace(found, seam=True) if found is not None and mixed else found
     if measured is not None:
         if len(covered) == 0:
             return None

@@ -290,7 +290,10 @@ class Approach:
         gone = math.dist(self._back_from, here)
         behind = look_ahead(obstacle_map, *here, wrap(heading + math.pi))
         come = 0.0 if self._profile is None else self._profile.place_of(*here)[0]  # straight to here
-        room = min(behind.room_cm, max(behind.unseen_cm, come)) - obstacle_map.config.clearance_cm
+        free = min(behind.room_cm, behind.unseen_cm)
+        if behind.obstacle is None or not behind.obstacle.moving:
+            free = max(free, come)  # whatever is remembered beside it, it came along there
+        room = free - obstacle_map.config.clearance_cm
         if self._back_s is None and gone < STEP_BACK_CM and room > 1.0:
             v = min(obstacle_map.config.creep_cm_s, brakeable_cm_s(obstacle_map.config, room))
             return Command(-10 * v, 0.0, f"stepping back {STEP_BACK_CM - gone:.0f} cm to look again")

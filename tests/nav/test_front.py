@@ -179,3 +179,17 @@ def test_a_fleck_before_a_firm_front_is_gone_when_that_is_seen_again_more_often(
         look(profile, flat_front(58.0, 0.3, seed=k), 2.0)
     front = 38.0 if stays else 60.0
     assert met(profile, 2.0).along_cm == pytest.approx(front + CAMERA_AHEAD_CM - 2.0, abs=1.0)
+
+
+def test_the_shade_before_a_thing_gives_way_to_the_thing_s_own_foot():
+    """Only the picture showed the first foot, and that shows shades too."""
+    profile, floor, columns = Profile(0.0, 0.0, 0.0), 3, np.arange(160)
+    for k in range(12):
+        shade = flat_front(46.0, 0.3, seed=k)
+        shade.region[:] = floor
+        seam = Standing(floor, columns, shade.depth_cm, 46.0, 2.8, "foot", FAIR, seam=True)
+        look(profile, shade, 0.0, (seam,))
+    for k in range(8):
+        foot = flat_front(50.0, 0.3, seed=k)
+        look(profile, foot, 0.0, (Standing(WALL, columns, foot.depth_cm, 50.0, 1.0, "foot", FAIR),))
+    assert met(profile, 0.0).along_cm == pytest.approx(50.0 + CAMERA_AHEAD_CM, abs=1.5)

@@ -199,3 +199,19 @@ def test_an_approach_in_doubt_at_two_places_looks_again_at_each_and_creeps_there
     assert 280 - z == pytest.approx(20, abs=1.5)
     began = [b for a, b in pairwise(said) if "look again" in b and "look again" not in a]
     assert len(began) == 3  # the last time it is there
+
+
+def test_what_is_remembered_beside_the_robot_does_not_keep_it_from_stepping_back_the_way_it_came():
+    floor, task, x = seen_floor(), Approach(20.0), 0.3
+    fill(floor, 100.0, region=7)
+    z, farthest, least = 0.0, 0.0, math.inf
+    for k in range(600):
+        command = task.decide(floor, Pose.planar(x, z, 0.0, t_s=k / 20))
+        if "in doubt" in command.reason:
+            for beside_z in range(int(z) - 20, int(z) + 10, 5):
+                floor.evidence[floor.cell_of(17.5, beside_z)] = LIMIT
+        z += command.v_mm_s / 10 / 20
+        farthest = max(farthest, z)
+        if "look" in command.reason:
+            least = min(least, z)
+    assert farthest - least == pytest.approx(40.0, abs=2.0)
