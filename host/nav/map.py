@@ -364,7 +364,7 @@ class ObstacleMap:
             self.centres_cm,
             _nav.View(x0, z0, sine, cosine, left, right, RANGE_CM, lens.fx, lens.cx, rays, pixels, STEP_PX),
             (r0, r1, c0, c1),
-            _nav.Floor(feet.free_cm, feet.floor_cm, feet.cut, feet.nearest_cm),
+            _nav.Floor(feet.free_cm, feet.floor_cm, feet.cut | feet.unknown, feet.nearest_cm),
             [
                 self._front(part, lens, feet, thing.region in movers)
                 for thing in standing

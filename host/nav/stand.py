@@ -100,6 +100,7 @@ class Feet:
     sure : (W / 2,) bool, all that lies before the foot is surely floor
     floor_cm, free_cm : (W / 2,) depth up to which floor is seen, and up to which at the least
     cut : (W / 2,) bool, no floor is seen at all: the foot is at or below the image's lower border
+    unknown : (W / 2,) bool, not even at the lower border is floor told from a wall like it
     nearest_cm : where the view of the floor begins
     """
 
@@ -119,6 +120,8 @@ class Feet:
             FARTHEST_CM,
             SIGMA_RAY,
         )
+        at_border = np.array(ground, np.uint8)[picture.labels[:, 0]]
+        self.unknown = (at_border == MIXED) & (floor.foot < 0)
         self.nearest_cm = height_cm / rays.steepest
         heading = heading_of(pose)
         self._ahead = math.sin(heading), math.cos(heading)

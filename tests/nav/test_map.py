@@ -13,7 +13,7 @@ from planar_world import FLOOR_ID, LENS, WALL_ID, Box, PlanarWorld
 from host.depth.report import DepthReport, RegionDepth, VertexDepths
 from host.nav.config import BodyConfig, NavConfig
 from host.nav.floor import FloorFinder
-from host.nav.map import FREE, OCCUPIED, ObstacleMap
+from host.nav.map import FREE, LOOKED, OCCUPIED, ObstacleMap
 from host.nav.picture import Picture, rays_of
 from host.nav.stand import AT_BORDER, Feet, hangs_over, nearest_slope, stand_of
 from host.pose import Pose
@@ -454,3 +454,13 @@ def test_where_the_picture_shows_no_foot_nothing_is_free_and_a_wall_before_the_l
         seam_map.update(snapshot, look_once, Pose.planar(0, 0, 0, t_s=(k + 1) / 10), LENS, wall)
     assert not (seam_map.evidence < before - 0.01).any()
     assert seam_map.evidence[seam_map.cell_of(0, 38)] > OCCUPIED
+
+
+def test_where_a_wall_cannot_be_told_from_the_floor_not_even_what_is_below_the_picture_was_looked_over():
+    """The wall may begin right before the robot; it once crept into one."""
+    snapshot, image = one_region_of_floor_and_wall(0, (0, 0, 0))
+    alike = fresh()
+    for k in range(4):
+        alike.update(snapshot, DepthReport({}, NO_VERTICES), Pose.planar(0, 0, 0, t_s=k / 10), LENS, image)
+    assert alike.floor.is_mixed(FLOOR_ID)
+    assert not (alike.evidence < LOOKED).any()
