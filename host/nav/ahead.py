@@ -14,6 +14,7 @@ from host.nav import _nav
 from host.nav.config import NavConfig
 from host.nav.map import FREE, LOOKED, OCCUPIED, Obstacle, ObstacleMap
 from host.nav.plan import tightest
+from host.nav.stand import AT_BORDER
 
 SURE_SIGMAS = 2.0  # an obstacle may be nearer than measured by so many of its sigmas
 ONTO_BLIND_CM = 3.0  # the rim goes no farther onto floor it never looked at
@@ -32,6 +33,11 @@ class Ahead:
     edge: bool = False  # it would come to the edge of the map first
     sigma_cm: float = 0.0  # of the room, as far as the obstacle's place is in doubt
     brief: bool = False  # it moves, or stands somewhere below the picture
+
+    @property
+    def hides_below(self) -> bool:
+        """What it would touch moves, and is nobody knows how much nearer than the picture's lower border."""
+        return self.obstacle is not None and self.obstacle.moving and self.obstacle.how == AT_BORDER
 
     def __str__(self) -> str:
         return "the edge of the map" if self.edge else str(self.obstacle or "something remembered")
@@ -105,6 +111,8 @@ def speed_ahead(ahead: Ahead, obstacle_map: ObstacleMap, keep_cm: float | None =
     blind = config.creep_cm_s + brakeable_cm_s(config, ahead.unseen_cm)
     never = brakeable_cm_s(config, ahead.blind_cm + ONTO_BLIND_CM)
     v = min(config.speed_cm_s, doubted, blind, never)
+    if ahead.hides_below:
+        return 0.0, f"stop: {ahead} or nearer"
     if fast < 1.0:
         return 0.0, f"stop: {ahead}, {ahead.room_cm:.0f} cm from the rim"
     if never < 1.0:

@@ -17,6 +17,7 @@ from host.nav.map import FREE, LIMIT, LOOKED_OVER, OCCUPIED, Obstacle, ObstacleM
 from host.nav.mover import Mover, Sight
 from host.nav.odometry import body_of, heading_of
 from host.nav.plan import find_way, room_around
+from host.nav.stand import AT_BORDER
 from host.nav.steer import decide
 from host.pose import Pose
 
@@ -413,3 +414,15 @@ def test_a_way_once_chosen_is_left_only_for_one_that_is_clearly_quicker():
         _, plan = decide(Plan(begun=True, way=way), floor, camera(0, 0, 0, 5.0), (10, 200))
         assert plan.way is not None
         assert (min(x for x, _ in plan.way.points) < left_end) == kept
+
+
+def test_what_moves_with_its_foot_below_the_picture_is_not_driven_up_to():
+    """It shows at the border however near it is; a robot that went on as far as that touched it."""
+    floor = open_floor()
+    put(floor, -12, 45, 12, 50)
+    at_border = Obstacle(7, 34.0, 8.5, AT_BORDER, (-12, 45), (12, 45), 0.0, moving=True)
+    floor.obstacles[7] = at_border
+    v, reason = speed_ahead(look_ahead(floor, 0.0, 0.0, 0.0), floor)
+    assert v == 0.0 and "or nearer" in reason
+    floor.obstacles[7] = replace(at_border, how="foot")
+    assert speed_ahead(look_ahead(floor, 0.0, 0.0, 0.0), floor)[0] > 0.0
