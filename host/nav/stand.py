@@ -39,10 +39,7 @@ SIGMA_SEAM = 0.02  # of a foot that only the picture shows: it finds the shade b
 SIGMA_FOOT = 0.007  # of the nearest of other feet
 SIGMA_ROUND = 0.015  # of the foot of what hangs over: it is in its own shade
 CONTRADICTED = 0.5  # of the difference between foot and depth that contradict each other is the sigma
-TO_FRONT, SIGMA_TO_FRONT = (
-    0.05,
-    0.1,
-)  # in widths: what is flat at its nearest foot is so far before its mean depth
+TO_FRONT, SIGMA_TO_FRONT = 0.05, 0.1  # in widths: a flat front is so far before the thing's mean depth
 FOOTLESS = 0.05  # relative error more of what shows no foot: what stands before it has a part of its outline
 HANGING = 0.65  # a thing whose outer feet are flatter than this part of its nearest one hangs over there
 EVENED = 5  # columns
