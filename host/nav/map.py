@@ -8,7 +8,7 @@ evidence fades with time.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -417,8 +417,7 @@ def _parts(thing: Standing) -> list[Standing]:
         columns, depth = thing.columns[mine], thing.depth_cm[mine]
         mean = float(depth.sum()) / len(depth)
         sigma = thing.sigma_cm * (mean / thing.mean_cm) ** 2
-        how, weight, round_cm = thing.how, thing.weight, thing.round_cm
-        parts.append(Standing(thing.region, columns, depth, mean, sigma, how, weight, round_cm))
+        parts.append(replace(thing, columns=columns, depth_cm=depth, mean_cm=mean, sigma_cm=sigma))
     return parts
 
 

@@ -105,20 +105,21 @@ class Feet:
         rays = picture.rays
         self.across, self.height_cm = rays.across, height_cm
         ids = picture.ids.tolist()
-        ground = [MIXED if floor.is_mixed(i) else i == NO_REGION or floor.is_floor(i) for i in ids]
+        ground = np.array(
+            [MIXED if floor.is_mixed(i) else i == NO_REGION or floor.is_floor(i) for i in ids], np.uint8
+        )
         self.region, self.cut, self.slope, self.depth_cm, self.sure, self.floor_cm, self.free_cm = _nav.feet(
             picture.labels,
             rays.down,
             picture.ids,
             NO_REGION,
-            np.array(ground, np.uint8),
+            ground,
             floor.foot,
             height_cm,
             FARTHEST_CM,
             SIGMA_RAY,
         )
-        at_border = np.array(ground, np.uint8)[picture.labels[:, 0]]
-        self.unknown = (at_border == MIXED) & (floor.foot < 0)
+        self.unknown = (ground[picture.labels[:, 0]] == MIXED) & (floor.foot < 0)
         self.nearest_cm = height_cm / rays.steepest
         heading = heading_of(pose)
         self._ahead = math.sin(heading), math.cos(heading)

@@ -289,7 +289,7 @@ class Approach:
             return None
         gone = math.dist(self._back_from, here)
         behind = look_ahead(obstacle_map, *here, wrap(heading + math.pi))
-        come = 0.0 if self._profile is None else self._profile.place_of(*here)[0]  # straight to here
+        come = self._along_cm(here)  # straight to here
         free = min(behind.room_cm, behind.unseen_cm)
         if behind.obstacle is None or not behind.obstacle.moving:
             free = max(free, come)  # whatever is remembered beside it, it came along there

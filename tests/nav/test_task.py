@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from itertools import pairwise
 
 import numpy as np
@@ -97,15 +98,23 @@ def test_measuring_only_moves_nothing_and_names_what_is_ahead():
     assert "region 10 at" in commands[-1].reason and "cm from the rim" in commands[-1].reason
 
 
-def straight_on(obstacle_map: ObstacleMap, task: Approach, z: float) -> tuple[Command, float]:
-    """An ideal robot that does as told over a map that does not change: the last command, and where it is."""
-    command = Command(0.0, 0.0, "")
-    for k in range(1200):
-        command = task.decide(obstacle_map, Pose.planar(0.0, z, 0.0, t_s=k / 20))
+def obeyed(
+    obstacle_map: ObstacleMap, task: Approach, x: float = 0.0, z: float = 0.0, most: int = 2400
+) -> Iterator[tuple[Command, float]]:
+    """Commands to an ideal robot that does as told, and where it is after each."""
+    for k in range(most):
+        command = task.decide(obstacle_map, Pose.planar(x, z, 0.0, t_s=k / 20))
+        if command.outcome is None:
+            z += command.v_mm_s / 10 / 20
+        yield command, z
         if command.outcome is not None:
-            break
-        z += command.v_mm_s / 10 / 20
-    return command, z
+            return
+
+
+def straight_on(obstacle_map: ObstacleMap, task: Approach, z: float) -> tuple[Command, float]:
+    """The last command over a map that does not change, and where the robot is then."""
+    *_, last = obeyed(obstacle_map, task, z=z, most=1200)
+    return last
 
 
 def seen_floor() -> ObstacleMap:
@@ -161,12 +170,8 @@ def test_a_remembered_thing_that_is_gone_when_looked_at_again_does_not_end_an_ap
     floor, task = seen_floor(), Approach(20.0)
     fill(floor, 100.0, region=7)
     z, farthest, reasons, command = 0.0, 0.0, [], Command(0.0, 0.0, "")
-    for k in range(2400):
-        command = task.decide(floor, Pose.planar(0.0, z, 0.0, t_s=k / 20))
+    for command, z in obeyed(floor, task):
         reasons.append(command.reason)
-        if command.outcome is not None:
-            break
-        z += command.v_mm_s / 10 / 20
         farthest = max(farthest, z)
         if z < farthest - 25.0:  # now the camera sees that nothing stands there
             floor.evidence[:] = 2 * FREE
@@ -180,14 +185,10 @@ def test_an_approach_in_doubt_at_two_places_looks_again_at_each_and_creeps_there
     floor, task, flecks_cm, doubted_cm = seen_floor(), Approach(20.0), [100.0, 200.0], []
     fill(floor, flecks_cm[0], region=7)
     z, farthest, said, command = 0.0, 0.0, [], Command(0.0, 0.0, "")
-    for k in range(2400):
-        command = task.decide(floor, Pose.planar(0.0, z, 0.0, t_s=k / 20))
+    for command, z in obeyed(floor, task):
         said.append(command.reason)
-        if command.outcome is not None:
-            break
         if any(abs(z - place) < 35.0 for place in doubted_cm):
             assert command.v_mm_s <= 10 * NavConfig().creep_cm_s
-        z += command.v_mm_s / 10 / 20
         farthest = max(farthest, z)
         if flecks_cm and z < farthest - 25.0:  # now the camera sees that nothing stands there
             flecks_cm.pop(0)
@@ -204,13 +205,11 @@ def test_an_approach_in_doubt_at_two_places_looks_again_at_each_and_creeps_there
 def test_what_is_remembered_beside_the_robot_does_not_keep_it_from_stepping_back_the_way_it_came():
     floor, task, x = seen_floor(), Approach(20.0), 0.3
     fill(floor, 100.0, region=7)
-    z, farthest, least = 0.0, 0.0, math.inf
-    for k in range(600):
-        command = task.decide(floor, Pose.planar(x, z, 0.0, t_s=k / 20))
+    farthest, least = 0.0, math.inf
+    for command, z in obeyed(floor, task, x, most=600):
         if "in doubt" in command.reason:
             for beside_z in range(int(z) - 20, int(z) + 10, 5):
                 floor.evidence[floor.cell_of(17.5, beside_z)] = LIMIT
-        z += command.v_mm_s / 10 / 20
         farthest = max(farthest, z)
         if "look" in command.reason:
             least = min(least, z)
