@@ -16,12 +16,12 @@ EVERY_S, EVERY_CM = 0.1, 2.0
 POINTS = np.array([[x, y, 100.0] for x in (-40.0, -25.0, 25.0, 40.0) for y in (-25.0, -10.0, 10.0)])
 
 
-def look(k: int, at_cm: float) -> SimpleNamespace:
+def look(k: int, at_cm: float, aside_cm: float = 0.0, every_cm: float = EVERY_CM) -> SimpleNamespace:
     """The k-th picture, after so many steps by the wheels, as it is seen from `at_cm` further on."""
-    seen = POINTS - (0.0, 0.0, at_cm)
+    seen = POINTS - (aside_cm, 0.0, at_cm)
     pixels = seen[:, :2] / seen[:, 2:] * (LENS.fx, LENS.fy) + (LENS.cx, LENS.cy)
     count = len(POINTS)
-    known = POINTS - (0.0, 0.0, EVERY_CM * k)
+    known = POINTS - (0.0, 0.0, every_cm * k)
     return SimpleNamespace(
         frame=SimpleNamespace(image=np.full((240, 320, 3), 90, np.uint8)),
         moving=(),
@@ -33,7 +33,7 @@ def look(k: int, at_cm: float) -> SimpleNamespace:
         depths=SimpleNamespace(
             vertices=SimpleNamespace(xyz_cm=known, sigma_cm=np.full(count, 1.0)), regions={}
         ),
-        dead_reckoning=Pose.planar(0.0, EVERY_CM * k, 0.0, t_s=EVERY_S * k),
+        dead_reckoning=Pose.planar(0.0, every_cm * k, 0.0, t_s=EVERY_S * k),
     )
 
 
@@ -44,3 +44,13 @@ def test_one_look_in_which_points_did_not_move_is_no_slip_and_many_are(standing,
     said = [watch.doubt(look(k, stood_cm if k in standing else EVERY_CM * k)) for k in range(12)]
     assert any("wheels slip" in why for why in said if why) == found
     assert all(why is None or k > standing[0] for k, why in enumerate(said))
+
+
+@pytest.mark.parametrize("pushed_at", range(12, 36))
+def test_a_push_is_noticed_in_whichever_picture_it_comes(pushed_at):
+    """Also in that from which on the watch looks back at another one."""
+    watch = WheelWatch(LENS)
+    looks = [look(k, 0.0, aside_cm=15.0 * (k >= pushed_at), every_cm=0.0) for k in range(pushed_at + 1)]
+    said = [watch.doubt(one) for one in looks]
+    assert said[:-1] == [None] * pushed_at
+    assert "otherwise than the wheels" in said[-1]
