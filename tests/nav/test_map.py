@@ -13,7 +13,7 @@ from planar_world import FLOOR_ID, LENS, WALL_ID, Box, PlanarWorld
 from host.depth.report import DepthReport, RegionDepth, VertexDepths
 from host.nav.config import BodyConfig, NavConfig
 from host.nav.floor import FloorFinder
-from host.nav.map import FREE, LOOKED, OCCUPIED, ObstacleMap
+from host.nav.map import FREE, LOOKED, OCCUPIED, RESTLESS, ObstacleMap
 from host.nav.picture import Picture, rays_of
 from host.nav.stand import AT_BORDER, Feet, hangs_over, nearest_slope, stand_of
 from host.pose import Pose
@@ -100,6 +100,18 @@ def test_depth_and_foot_that_agree_are_better_than_either():
     both = look(PlanarWorld([BOX]), fresh(), {10: (88.0, 5.0)}).obstacles[10]
     assert both.sigma_cm < min(foot.sigma_cm, 5.0)
     assert 88 < both.depth_cm < foot.depth_cm
+
+
+@pytest.mark.parametrize(("turn_rad", "moves"), [(0.0, True), (0.03, False)])
+def test_what_only_seems_to_move_while_the_robot_turns_is_not_taken_for_a_mover(turn_rad, moves):
+    world, box_map = PlanarWorld([BOX]), fresh()
+    for k in range(RESTLESS + 1):
+        world.heading = (k - RESTLESS / 2) * turn_rad
+        snapshot, _ = world.see()
+        found = {r.id: RegionDepth(90.0, 1.0, "area", None, moving=r.id == 10) for r in snapshot.regions}
+        pose = Pose.planar(*world.camera_xz(), world.heading, t_s=k / 15)
+        box_map.update(snapshot, DepthReport(found, NO_VERTICES), pose, LENS)
+    assert box_map.obstacles[10].moving is moves
 
 
 @pytest.mark.parametrize("depth", [50.0, 160.0])
