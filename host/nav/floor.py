@@ -92,7 +92,7 @@ class FloorFinder:
             depth = self._vote_of_depth(region, picture, report, reach[k] / pixels[k])
             self._vote(region, share, depth, corners.vote(region))
         self._votes = {r.id: self._votes[r.id] for r in snapshot.regions if r.id in self._votes}
-        self._learn_colour(snapshot)
+        self._learn_colour(snapshot, at_border)
         self.foot = np.full(width, -1)
         self.strange = np.zeros(width, bool)
         self._frames += 1
@@ -175,8 +175,18 @@ class FloorFinder:
             return 0.0
         return VOTE if found.depth_cm**2 > lying * standing else -VOTE
 
-    def _learn_colour(self, snapshot: Snapshot) -> None:
-        proven = [r for r in snapshot.regions if self.is_floor(r.id) and self._votes[r.id] > 0.4]
+    def _learn_colour(self, snapshot: Snapshot, at_border: list[int]) -> None:
+        """Of floor right before the robot, once any is known.
+
+        Where that is one region with a wall, some far thing taken for floor would else teach its own colour,
+        and the floor before the robot be none any more.
+        """
+        proven = [
+            region
+            for region, border in zip(snapshot.regions, at_border, strict=False)  # the last is of no region
+            if self.is_floor(region.id) and self._votes[region.id] > 0.4
+            if border > 0 or self._floor_rgb is None
+        ]
         if not proven:
             return
         r, g, b = max(proven, key=lambda r: r.area_px).mean_rgb

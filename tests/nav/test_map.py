@@ -184,21 +184,38 @@ def test_a_place_is_known_the_better_the_nearer_it_was_seen_from_and_less_with_t
     assert wall_map.sigma_at(wall, near) == pytest.approx(math.hypot(sigma_cm, 4.0), abs=0.2)
 
 
-def test_a_rug_whose_depth_lies_on_the_floor_becomes_floor():
-    snapshot, _ = PlanarWorld([]).see()
+def rug_on(snapshot: Snapshot) -> Snapshot:
+    """The same with a red rug ahead, at 80 to 130 cm."""
     floor = next(r for r in snapshot.regions if r.id == FLOOR_ID)
     corners = [(-20, 130), (20, 130), (20, 80), (-20, 80)]
     loop = np.array([[LENS.cx + LENS.fx * x / z, LENS.cy + LENS.fy * 15 / z] for x, z in corners])
     none = (np.zeros(4, np.int64),)
     rug = replace(floor, id=10, touches_border=False, mean_rgb=(250, 0, 0), loops=(loop,),
                   loop_vertices=none, loop_neighbours=none)  # fmt: skip
-    flat = replace(snapshot, regions=(*snapshot.regions, rug))
+    return replace(snapshot, regions=(*snapshot.regions, rug))
+
+
+LYING = DepthReport({10: RegionDepth(100.0, 2.0, "area", None)}, NO_VERTICES)
+
+
+def test_a_rug_whose_depth_lies_on_the_floor_becomes_floor():
+    flat = rug_on(PlanarWorld([]).see()[0])
     rug_map = fresh()
-    report = DepthReport({10: RegionDepth(100.0, 2.0, "area", None)}, NO_VERTICES)
     for k in range(8):
-        rug_map.update(flat, report, Pose.planar(0, 0, 0, t_s=k / 10), LENS)
+        rug_map.update(flat, LYING, Pose.planar(0, 0, 0, t_s=k / 10), LENS)
     assert rug_map.floor.is_floor(10)
     assert rug_map.evidence[rug_map.cell_of(0, 100)] < FREE
+
+
+def test_what_lies_far_off_does_not_teach_the_floors_colour_while_a_wall_is_one_region_with_the_floor():
+    """It was forgotten so within two pictures, and the floor of a whole corridor was none any more."""
+    rug_map = fresh()
+    flat = rug_on(PlanarWorld([]).see()[0])
+    wall = of_labels(np.full((LENS.height, LENS.width), WALL_ID)).regions[0]
+    merged = replace(flat, regions=(replace(wall, mean_rgb=(125.0, 110.0, 90.0)), flat.regions[-1]))
+    for k in range(40):
+        rug_map.update(flat if k < 8 else merged, LYING, Pose.planar(0, 0, 0, t_s=k / 10), LENS)
+        assert k < 8 or rug_map.floor.is_mixed(WALL_ID)
 
 
 def test_contradictory_evidence_wins_within_a_few_frames():
