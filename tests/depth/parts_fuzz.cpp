@@ -2,9 +2,11 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <cstring>
 #include <random>
 
 #include "area.hpp"
+#include "lens.hpp"
 #include "path.hpp"
 #include "polygon.hpp"
 #include "relief.hpp"
@@ -17,6 +19,20 @@ namespace {
 class Fuzz {
   public:
     explicit Fuzz(unsigned seed) : random_(seed) {}
+
+    // Many points without the lens's distortion, together as one by one.
+    void straighten() {
+        const double wild = chance(0.3) ? 1.0 : 0.2;  // where it turns the picture over, too
+        const Lens lens(280.0, 275.0, 158.0, 121.0,
+                        {wild * normal(), wild * normal(), 0.01 * normal(), 0.01 * normal(), wild * normal()});
+        std::vector<Vec2> px(static_cast<std::size_t>(pick(20))), together(px.size());
+        for (Vec2& p : px) p = {-50 + 420 * uniform(), -50 + 340 * uniform()};
+        lens.ideal(px.data(), px.size(), together.data());
+        for (std::size_t i = 0; i < px.size(); ++i) {
+            const Vec2 alone = lens.ideal(px[i]);
+            require(std::memcmp(&alone, &together[i], sizeof alone) == 0);
+        }
+    }
 
     // One run.
     void run() {
@@ -124,6 +140,7 @@ int main(int, char** argv) {
     double sum = 0.0;
     for (int seed = 0; seed < std::atoi(argv[1]); ++seed) {
         Fuzz fuzz(static_cast<unsigned>(seed));
+        for (int lens = 0; lens < 50; ++lens) fuzz.straighten();
         fuzz.run();
         answers += fuzz.answers;
         sum += fuzz.sum;

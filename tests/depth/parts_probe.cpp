@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "area.hpp"
+#include "lens.hpp"
 #include "path.hpp"
 #include "polygon.hpp"
 #include "relief.hpp"
@@ -147,6 +148,14 @@ int run_frames(Run* run, int* out) {
     for (const int f : frames) *out++ = f;
     run->path.keep(frames);
     return static_cast<int>(frames.size());
+}
+
+void probe_ideal(const double* terms, const double* xy, int count, double* out) {
+    const Lens lens(280.0, 275.0, 158.0, 121.0, {terms[0], terms[1], terms[2], terms[3], terms[4]});
+    std::vector<Vec2> px, ideal(static_cast<std::size_t>(count));
+    for (int i = 0; i < count; ++i) px.push_back({xy[2 * i], xy[2 * i + 1]});
+    lens.ideal(px.data(), px.size(), ideal.data());
+    put(ideal, out);
 }
 
 }  // extern "C"

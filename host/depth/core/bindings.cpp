@@ -116,10 +116,16 @@ void put_outline(depth::FrameView& frame, const depth::Lens& lens, const Points&
                  const Ids& left, const Ids& right, const Numbers& length_px) {
     std::unordered_map<std::int64_t, int> row;
     for (std::size_t r = 0; r < frame.regions.size(); ++r) row[frame.regions[r].id] = static_cast<int>(r);
-    for (std::size_t i = 0; i < px.shape(0); ++i) {
+    const std::size_t count = px.shape(0);
+    std::vector<depth::Vec2> seen(count), ideal(count);
+    for (std::size_t i = 0; i < count; ++i) seen[i] = {px(i, 0), px(i, 1)};
+    lens.ideal(seen.data(), count, ideal.data());
+    frame.outline_px.reserve(count), frame.outline_normal.reserve(count), frame.outline_left.reserve(count);
+    frame.outline_right.reserve(count), frame.outline_length_px.reserve(count);
+    for (std::size_t i = 0; i < count; ++i) {
         const auto a = row.find(left(i)), b = row.find(right(i));
         if (a == row.end() || b == row.end() || a->second == b->second) continue;
-        const depth::Vec2 at = lens.ideal({px(i, 0), px(i, 1)});
+        const depth::Vec2 at = ideal[i];
         frame.outline_px.push_back(at);
         frame.outline_normal.push_back(lens.ideal_normal(at, {normal(i, 0), normal(i, 1)}));
         frame.outline_left.push_back(a->second), frame.outline_right.push_back(b->second);
