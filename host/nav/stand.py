@@ -36,10 +36,15 @@ EDGE = 0.004  # rms of feet about a straight edge: rows of STEP_PX make 0.002
 SEAM_EDGE = 0.012  # and of feet that the picture itself was asked for, in strips
 SIGMA_EDGE = 0.004  # of the slope of a straight edge, tilt of the camera included; of many feet
 SIGMA_SEAM = 0.02  # of a foot that only the picture shows: it finds the shade before a wall as well
-SIGMA_FOOT = 0.007  # of the nearest of other feet
+SIGMA_FOOT = 0.004  # of the nearest of other feet
 SIGMA_ROUND = 0.015  # of the foot of what hangs over: it is in its own shade
-CONTRADICTED = 0.5  # of the difference between foot and depth that contradict each other is the sigma
+FOOT_PART = 0.03  # and of both these so much of the slope besides: fronts are seldom flat
+BEHIND = 0.15  # and of what others hide up to all of it so much of the slope times the part that is hidden
+MOTION = 1.4  # beside a foot a depth by motion counts with so many of its sigmas, for its tails are heavy
+CONTRADICTED = 0.6  # of the difference between foot and depth that contradict each other is the sigma
 TO_FRONT, SIGMA_TO_FRONT = 0.05, 0.1  # in widths: a flat front is so far before the thing's mean depth
+IN_SIGHT = 0.2  # what shows its foot in a smaller part of its columns is behind others: where it stands can wait
+UNTOLD = 0.05  # and while its relative sigma is larger it stands nowhere
 FOOTLESS = 0.05  # relative error more of what shows no foot: what stands before it has a part of its outline
 HANGING = 0.65  # a thing whose outer feet are flatter than this part of its nearest one hangs over there
 EVENED = 5  # columns
@@ -187,9 +192,10 @@ def stand_of(
         found = _on_its_feet(region_id, measured, feet, columns, covered, picture, mixed)
         return replace(found, seam=True) if found is not None and mixed else found
     if measured is not None:
-        if len(covered) == 0:
-            return None
         z, sigma, how = measured
+        hidden = len(cut) < LEAST_COLUMNS and len(columns) < IN_SIGHT * len(covered)
+        if len(covered) == 0 or (hidden and sigma > UNTOLD * z):
+            return None
         front = z - (MEAN_TO_FRONT * feet.width_cm(covered, z) if front_cm is None else front_cm)
         if not mostly_cut or front <= _mean(feet.depth_cm[cut]):
             sigma = math.hypot(sigma, FOOTLESS * z)
@@ -271,9 +277,11 @@ def _on_its_feet(
 
     shape = picture.labels, picture.place[region], feet.slope, feet.cut, columns, covered
     edges = _nav.along_edges(*shape, SEAM_EDGE if mixed else EDGE)
+    behind = BEHIND * _mean(feet.region[covered] != region)
     if edges is not None:
         mean = len(edges) / float((1.0 / edges).sum())  # of the mean depth, which motion tells
-        placed = _placed(mean, SIGMA_SEAM if mixed else SIGMA_EDGE, measured, height)
+        sigma = math.hypot(SIGMA_SEAM if mixed else SIGMA_EDGE, behind * mean)
+        placed = _placed(mean, sigma, measured, height)
         if placed is None:
             return None
         slopes = np.maximum(edges + (placed[0] - mean), height / FARTHEST_CM)
@@ -281,6 +289,7 @@ def _on_its_feet(
 
     hangs = hangs_over(slopes, columns, covered, nearest, len(feet.cut)) or _nav.tapers(*shape)
     sigma = SIGMA_SEAM if mixed else SIGMA_ROUND if hangs else SIGMA_FOOT
+    sigma = math.hypot(sigma, FOOT_PART * nearest, behind * nearest)
     if measured is not None:
         z, sigma_cm, how = measured
         width_cm = feet.width_cm(covered, z)
@@ -337,7 +346,9 @@ def _agreed(
         return slope, sigma, "foot", FAIR
     z, s, method = measured
     other, sigma_other = height_cm / z, height_cm * s / z**2
-    if abs(other - slope) < 3 * math.hypot(sigma, sigma_other):
+    agree = abs(other - slope) < 3 * math.hypot(sigma, sigma_other)
+    sigma_other *= MOTION
+    if agree:
         share = sigma**2 / (sigma**2 + sigma_other**2)
         both = sigma * sigma_other / math.hypot(sigma, sigma_other)
         return share * other + (1 - share) * slope, both, method, SURE

@@ -72,11 +72,32 @@ def test_below_the_picture_an_edge_goes_on_and_elsewhere_no_farther_than_a_foot_
     assert found.max() == pytest.approx(true[-8], abs=0.001)
 
 
-def test_a_ball_ends_in_points_where_its_feet_are_higher_and_neither_a_box_nor_half_a_ball_does():
+def test_a_ball_ends_in_points_where_its_feet_are_higher_and_a_box_does_not():
     across = np.linspace(-0.98, 0.98, 30)
     arc = np.sqrt(1 - across**2)
     ball, high = 0.13 + 0.12 * arc, np.rint(60 * arc).astype(int)
     assert _nav.tapers(*shape_of(ball, 40, high))
     assert not _nav.tapers(*shape_of(ball, 40, 60))
     assert not _nav.tapers(*shape_of(np.full(30, 0.2), 40, high))
-    assert not _nav.tapers(*shape_of(ball[:18], WIDTH - 18, high[:18]))
+
+
+def test_half_a_ball_ends_in_a_point_where_it_is_in_sight_and_has_no_slanted_edge():
+    arc = np.sqrt(1 - np.linspace(-0.98, 0.98, 30) ** 2)
+    ball, high = 0.13 + 0.12 * arc, np.rint(30 * arc).astype(int)
+    at_border = shape_of(ball[:12], WIDTH - 12, high[:12])
+    assert _nav.tapers(*at_border)
+    assert _nav.along_edges(*at_border, 0.02) is None  # though an edge that rough would do
+    labels, kind, slopes, *rest = shape_of(ball[12:], 40, high[12:])
+    assert not _nav.tapers(labels, kind, slopes, *rest)  # nothing hides its other half: it is no ball
+    slopes[39] = 0.35
+    assert _nav.tapers(labels, kind, slopes, *rest)
+
+
+def test_the_far_end_of_a_slanted_front_is_no_half_ball():
+    slanted = np.linspace(0.1, 0.2, 18)
+    box = shape_of(slanted, WIDTH - 18, np.linspace(36, 60, 18).astype(int))
+    door = shape_of(slanted, WIDTH - 18, np.linspace(25, 100, 18).astype(int))  # out of the picture
+    slender = shape_of(slanted, WIDTH - 18, np.linspace(25, 70, 18).astype(int))
+    for shape in (box, door, slender):
+        assert not _nav.tapers(*shape)
+    assert _nav.along_edges(*box, RMS) is not None

@@ -358,19 +358,22 @@ def test_a_box_cut_by_the_lower_border_stays_where_it_was_seen_to_stand():
     assert box_map.evidence[box_map.cell_of(0, front + 2)] > OCCUPIED
 
 
+def feet_of(labels: np.ndarray) -> tuple[Feet, Picture]:
+    """Of regions on every second pixel."""
+    snapshot, level = of_labels(np.kron(labels, np.ones((2, 2), np.int32))), Pose.planar(0.0, 0.0, 0.0)
+    picture, floor = Picture(snapshot, LENS, rays_of(LENS, level)), FloorFinder(15.0)
+    floor.update(snapshot, DepthReport({}, NO_VERTICES), level, picture)
+    assert floor.is_floor(FLOOR_ID)
+    return Feet(picture, floor, level, 15.0), picture
+
+
 def test_where_most_of_a_foot_is_below_the_picture_what_is_left_of_it_is_no_place():
     labels = np.full((120, 160), 2, np.int32)
     labels[66:, :] = FLOOR_ID
     labels[40:, 50:110] = 10  # down to the lower border
     labels[115:, 50:60] = FLOOR_ID  # but for a sliver
-    snapshot = of_labels(np.kron(labels, np.ones((2, 2), np.int32)))
-    level = Pose.planar(0.0, 0.0, 0.0)
-    picture = Picture(snapshot, LENS, rays_of(LENS, level))
-    floor = FloorFinder(15.0)
+    feet, picture = feet_of(labels)
     nothing = DepthReport({}, NO_VERTICES)
-    floor.update(snapshot, nothing, level, picture)
-    assert floor.is_floor(FLOOR_ID)
-    feet = Feet(picture, floor, level, 15.0)
     found = stand_of(10, nothing, feet, picture)
     assert found is not None and found.how == AT_BORDER
     near = DepthReport({10: RegionDepth(25.0, 1.0, "area", None)}, NO_VERTICES)
@@ -379,6 +382,47 @@ def test_where_most_of_a_foot_is_below_the_picture_what_is_left_of_it_is_no_plac
     far = DepthReport({10: RegionDepth(60.0, 1.0, "area", None)}, NO_VERTICES)
     found = stand_of(10, far, feet, picture)
     assert found is not None and found.how == AT_BORDER
+
+
+def test_what_others_hide_all_the_feet_of_stands_nowhere_until_its_depth_is_known_well():
+    labels = np.full((120, 160), 2, np.int32)
+    labels[66:, :] = FLOOR_ID
+    labels[30:80, 60:90] = 10
+    labels[50:90, 50:100] = 11  # before it
+    feet, picture = feet_of(labels)
+    vague = DepthReport({10: RegionDepth(150.0, 12.0, "outline", None)}, NO_VERTICES)
+    assert stand_of(10, vague, feet, picture) is None
+    known = DepthReport({10: RegionDepth(150.0, 6.0, "outline", None)}, NO_VERTICES)
+    found = stand_of(10, known, feet, picture)
+    assert found is not None and found.mean_cm == 150.0
+
+
+def test_the_less_is_seen_of_a_foot_the_less_it_says_of_the_whole():
+    labels = np.full((120, 160), 2, np.int32)
+    labels[66:, :] = FLOOR_ID
+    labels[40:80, 50:110] = 10
+    sigmas = []
+    for hidden in (0, 20, 40):
+        labels[60:90, 50 : 50 + hidden] = 11
+        found = stand_of(10, DepthReport({}, NO_VERTICES), *feet_of(labels))
+        assert found is not None and found.how == "foot"
+        sigmas.append(found.sigma_cm / found.mean_cm)
+    assert sigmas[0] < 0.06 and sigmas[1] == pytest.approx(0.07, abs=0.02) and sigmas[2] > 0.1
+
+
+def test_a_depth_by_motion_moves_a_foot_less_than_its_sigma_says():
+    labels = np.full((120, 160), 2, np.int32)
+    labels[66:, :] = FLOOR_ID
+    labels[40:80, 70:84] = 10
+    feet, picture = feet_of(labels)
+    foot = stand_of(10, DepthReport({}, NO_VERTICES), feet, picture)
+    assert foot is not None
+    narrower = 0.05 * feet.width_cm(picture.columns_of(10), foot.mean_cm)  # the front before the mean depth
+    off = 1.5 * foot.sigma_cm
+    farther = RegionDepth(foot.mean_cm + narrower + off, foot.sigma_cm, "area", None)
+    both = stand_of(10, DepthReport({10: farther}, NO_VERTICES), feet, picture)
+    assert both is not None and both.how == "area"
+    assert 0.2 * off < both.mean_cm - foot.mean_cm < 0.4 * off
 
 
 def test_floor_stays_floor_before_the_robot_though_its_outline_is_given_a_wrong_depth():

@@ -17,6 +17,9 @@ constexpr double POINT = 0.2;          // and a ball at least so much
 constexpr std::size_t LEAST_ROUND = 8; // columns that tell a ball
 constexpr double SEEN_WHOLE = 0.8;     // share of its columns in which its own foot is seen
 constexpr double RISES = 0.9;          // a ball's feet at its ends, as part of those in its middle half
+constexpr double HALF_UPRIGHT = 0.55;  // a ball with one end in sight has less of its height there,
+constexpr double SLENDER = 3.0;        // and it is no more than so many times as tall as what is seen of it is wide
+constexpr double BEFORE = 1.02;        // what stands beside it and is nearer by so much hides its other end
 
 struct Line {
     double offset, rise;
@@ -71,10 +74,40 @@ std::vector<double> own_slopes(const Shape& shape) {
     return out;
 }
 
+// A ball of which one end alone is in sight, for something before it or the border hides the other: its foot is in
+// its own shade and rises to the end in sight, as the far end of a slanted front's does, but no front is so low there.
+bool is_half_a_ball(const Shape& shape, const std::vector<double>& slopes) {
+    const std::span<const std::int64_t> covered = shape.covered;
+    if (slopes.size() < LEAST_FEET || covered.size() < LEAST_ROUND) return false;
+    const auto in_sight = [&](std::int64_t beside, double foot) {
+        return beside >= 0 && beside < static_cast<std::int64_t>(shape.slopes.size()) &&
+               !(shape.slopes[static_cast<std::size_t>(beside)] > BEFORE * foot);
+    };
+    const bool left = in_sight(covered.front() - 1, slopes.front());
+    const bool right = in_sight(covered.back() + 1, slopes.back());
+    if (left == right) return false;
+
+    double tallest = 0;
+    for (const std::int64_t c : covered) {
+        if (shape.labels[(static_cast<std::size_t>(c) + 1) * shape.rows - 1] == shape.kind) return false;
+        tallest = std::max(tallest, height(shape, c));
+    }
+    const double end = height(shape, left ? covered[1] : covered[covered.size() - 2]);
+    if (!(end > POINT * tallest && end < HALF_UPRIGHT * tallest)) return false;
+    if (tallest > SLENDER * static_cast<double>(covered.size())) return false;
+
+    const std::span<const double> all(slopes);
+    std::vector<double> ordered(slopes);
+    std::sort(ordered.begin(), ordered.end());
+    const double nearest = mean(std::span(ordered).last(std::max<std::size_t>(1, ordered.size() / 4)));
+    return mean(left ? all.first(2) : all.last(2)) < RISES * nearest;
+}
+
 }  // namespace
 
 std::optional<std::vector<double>> along_edges(const Shape& shape, double rms) {
     const std::vector<double> all = own_slopes(shape);
+    if (is_half_a_ball(shape, all)) return std::nullopt;
     std::size_t begin = 0, count = 0;  // the longest piece without a jump
     for (std::size_t first = 0, k = 1; k <= all.size(); ++k) {
         if (k < all.size() && std::abs(all[k] - all[k - 1]) <= JUMP) continue;
@@ -125,9 +158,10 @@ std::optional<std::vector<double>> along_edges(const Shape& shape, double rms) {
 
 bool tapers(const Shape& shape) {
     const std::size_t n = shape.feet.size();
+    const std::vector<double> slopes = own_slopes(shape);
+    if (is_half_a_ball(shape, slopes)) return true;
     if (n < LEAST_ROUND || shape.covered.size() < n || static_cast<double>(n) < SEEN_WHOLE * static_cast<double>(shape.covered.size())) return false;
     if (shape.covered.front() == 0 || shape.covered.back() + 1 == static_cast<std::int64_t>(shape.slopes.size())) return false;
-    const std::vector<double> slopes = own_slopes(shape);
     const std::span<const double> all(slopes);
     if (std::max(mean(all.first(2)), mean(all.last(2))) > RISES * mean(all.subspan(n / 4, n - 2 * (n / 4)))) return false;
     const std::span<const std::int64_t> covered = shape.covered;

@@ -21,13 +21,14 @@ struct Shape {
 };
 
 // Slopes of feet on one straight edge, or on two that meet in a corner, in all columns covered; none of what has no
-// such edges or is not upright at the ends of its feet.
+// such edges, is not upright at the ends of its feet or is half a ball.
 //
 // They are nowhere flatter than a foot that was seen, for floor was seen up to there, and steeper only where the foot
 // is below the picture. rms: of feet about the line of an edge.
 std::optional<std::vector<double>> along_edges(const Shape& shape, double rms);
 
-// Whether a thing that is seen whole ends in a point at both sides with its feet higher there, as a ball does.
+// Whether a thing that is seen whole ends in a point at both sides with its feet higher there, as a ball does; or does
+// so at the one end in sight, where what is before it or the picture's border hides the other.
 bool tapers(const Shape& shape);
 
 }  // namespace nav
