@@ -235,7 +235,11 @@ class ObstacleMap:
             if self.floor.is_floor(region.id):
                 continue
             mixed = self.floor.is_mixed(region.id)
-            velocity = None if mixed else self._tracks.velocity(region.id, feet, pose.t_s)
+            velocity = None
+            if mixed:
+                self._tracks.see_mixed(region.id, feet, pose.t_s)
+            else:
+                velocity = self._tracks.velocity(region.id, feet, pose.t_s)
             restless = self._count_restless(region.id, report)
             moving = velocity is not None or (restless >= RESTLESS and not self._tracks.stands(region.id))
             front = self._front_cm.get(region.id)

@@ -49,6 +49,7 @@ UNSEEN_S = 0.25  # so long after it was last seen it is looked for
 PLACES = 6  # of those where it can be
 GONE_S = 1.5  # who was last seen so long ago may be who is seen now
 HELD_S = 1.0  # a region that moved still does, so long after that was last seen
+MISSED_S = 0.1  # so long after its own region was last seen the net may have made it one with the floor
 
 
 @dataclass(frozen=True)
@@ -86,10 +87,7 @@ class Tracks:
         if sight is None:
             self._see_on_line(region, feet, t_s)
             return self._known.velocity(region, t_s)
-        seen = self._seen.setdefault(region, deque())
-        seen.append(sight)
-        while seen[-1].t_s - seen[0].t_s > ALONG_S:
-            seen.popleft()
+        seen = self._lately(region, sight)
         known = self._known.velocity(region, t_s) is not None
         velocity = _even_motion(list(seen), known) if known or not self._turns else None
         place, half = _disc(sight, self._known.half_cm(region))
@@ -101,6 +99,23 @@ class Tracks:
             return None
         self._known.glimpse(region, place)
         return self._known.velocity(region, t_s)
+
+    def see_mixed(self, region: int, feet: Feet, t_s: float) -> None:
+        """What stands in a region that is also floor may be a known mover; told of each once a frame."""
+        sight = _sight_of(region, feet, t_s)
+        if sight is None:
+            return
+        seen = self._lately(region, sight)
+        velocity = None if self._turns else _even_motion(list(seen), known=False)
+        self._known.seen_mixed(*_disc(sight, HALF_CM), velocity)
+
+    def _lately(self, region: int, sight: _Sight) -> deque[_Sight]:
+        """A region's sights of the last while, with this one."""
+        seen = self._seen.setdefault(region, deque())
+        seen.append(sight)
+        while seen[-1].t_s - seen[0].t_s > ALONG_S:
+            seen.popleft()
+        return seen
 
     def stands(self, region: int) -> bool:
         """Whether its own foot says that it has not moved for a while."""
@@ -216,6 +231,31 @@ class Movers:
             return
         k = next(k for k, one in enumerate(self._all) if one is mover)
         self._all[k] = mover.told(place, region, None)
+
+    def seen_mixed(self, place: Sight, half_cm: float, velocity: tuple[float, float] | None) -> None:
+        """Something without a region of its own may be a mover: if it goes along its line, where that can be.
+
+        Without a motion it must be just where a mover should be whose own region was seen a moment ago.
+        """
+        now = np.array([place.t_s])
+        for k, mover in enumerate(self._all):
+            unseen_s = place.t_s - mover.t_s
+            if mover.seen < CONFIRMED or unseen_s < MISSED_S or half_cm > 2 * mover.half_cm:
+                continue
+            at, beside = mover.along(place.x_cm, place.z_cm)
+            if velocity is not None:
+                low, high = mover.reach(now)
+                cosine = (velocity[0] * mover.ahead[0] + velocity[1] * mover.ahead[1]) / math.hypot(*velocity)
+                there = abs(beside) < BESIDE_CM and low[0] - ABOUT_CM < at < high[0] + ABOUT_CM
+                if there and abs(cosine) > math.cos(LIKE_RAD):
+                    told = mover.told(place, mover.region, None, cosine < 0)
+                    self._all[k] = replace(told, seen=mover.seen + 1)
+                    return
+            elif unseen_s < HELD_S and not mover.lost:
+                off = abs(at - float(mover.place(now)[0]))
+                if abs(beside) < ABOUT_CM and off < TURNED_CM + float(mover.sigma_cm(now)[0]):
+                    self._all[k] = mover.told(place, mover.region, None)
+                    return
 
     def drop(self, region: int) -> None:
         """It stands."""

@@ -144,3 +144,41 @@ def test_what_hides_behind_something_is_where_it_should_be():
     for k in range(12):
         movers.look_for(until + k / 15, lambda places, half_cm: np.zeros(len(places), bool))
     assert not movers.sure[0].lost
+
+
+@pytest.mark.parametrize("velocity", [None, (SPEED, 0.0)])
+def test_a_mover_that_the_net_makes_one_with_the_floor_is_still_followed(velocity):
+    """A brown thing on a brown floor lost its region after 0.8 s in view, and ran into the robot later."""
+    until = 1.2
+    movers = seen(until, -60, 60)
+    for k in range(20):
+        t_s = until + (k + 1) / 15
+        movers.forget(t_s)
+        x = true_x(t_s)
+        movers.seen_mixed(Sight(t_s, x, LINE_Z, (x / LINE_Z, 1.0), LINE_Z), 8.0, velocity if k > 8 else None)
+    (mover,) = movers.sure
+    assert t_s - mover.t_s < 0.2 and mover.understood
+    assert x_of(mover, float(mover.place(np.array([t_s + 1.0]))[0])) == pytest.approx(
+        true_x(t_s + 1.0), abs=4.0
+    )
+
+
+def test_what_stands_in_the_floors_region_is_no_mover_that_was_long_out_of_sight():
+    until = 22.0
+    movers = seen(until, -60, 60)
+    later = until + 3.0
+    movers.forget(later)
+    movers.seen_mixed(Sight(later, true_x(later) + 5.0, LINE_Z, (0.0, 1.0), LINE_Z), 8.0, None)
+    movers.seen_mixed(Sight(later, true_x(later) + 5.0, LINE_Z, (0.0, 1.0), LINE_Z), 8.0, (0.0, SPEED))
+    assert movers.sure[0].t_s < until
+
+
+def test_a_foot_of_the_floors_region_beside_the_line_turns_no_mover_round():
+    """One stray foot turned a mover round that was leaving the view, and the robot drove into it."""
+    until = 2.0
+    movers = seen(until, -60, 60)
+    (before,) = movers.sure
+    later = until + 0.2
+    movers.forget(later)
+    movers.seen_mixed(Sight(later, true_x(later) - 6.0, LINE_Z + 17.0, (0.0, 1.0), LINE_Z), 8.0, None)
+    assert movers.sure == [before]
