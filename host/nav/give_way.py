@@ -39,6 +39,7 @@ LOST_S, LOST_BACK_CM = 8.0, 35.0  # after so long without a sight of it, it step
 BACK_FROM_CM = 10.0  # too near by more than this it steps back,
 STEP_BACK_CM = 5.0  # if that leads away from the line
 FACING_RAD = 0.15  # it looks across as straight as this
+OUT_OF_VIEW_S = 2.0  # what it gives way to and has not seen for so long it turns to look for
 
 
 @dataclass(frozen=True)
@@ -153,7 +154,8 @@ def cross_over(
         found = _best_crossing(obstacle_map, here)
         if found is None:
             back = _back_off(held, obstacle_map, t_s, here, heading)
-            command = back or _watch(held, heading, heading, obstacle_map)
+            towards = _to_its_line(held, t_s, here, heading)
+            command = back or _watch(held, heading, towards, obstacle_map)
             return command, replace(plan, cross=None, piece_from=None, v_cm_s=command.v_mm_s / 10)
         if cross is None or abs(found.aside_cm(cross.crossing.begin)) > BETTER_CM:
             cross = Cross(found, t_s)
@@ -184,6 +186,17 @@ def _back_off(
         return None
     v = min(BACK_CM_S, brakeable_cm_s(obstacle_map.config, min(too_near, held.back_cm)))
     return Command(-10 * v, 0.0, f"stepping back to see {held.verdict} come by") if v > 1.0 else None
+
+
+def _to_its_line(held: Held, t_s: float, here: tuple[float, float], heading: float) -> float:
+    """The heading to where on its line something out of view comes by nearest; else the one it has."""
+    thing = None if held.verdict is None else held.verdict.thing
+    if not isinstance(thing, Mover) or t_s - thing.t_s < OUT_OF_VIEW_S:
+        return heading
+    low, high = thing.extent_cm
+    on = min(max(thing.along(*here)[0], low), high)
+    x, z = thing.origin_cm[0] + on * thing.ahead[0], thing.origin_cm[1] + on * thing.ahead[1]
+    return bearing(here, (x, z))
 
 
 def _best_crossing(obstacle_map: ObstacleMap, here: tuple[float, float]) -> Crossing | None:
