@@ -22,7 +22,7 @@ from host.nav.front import Sight
 from host.nav.odometry import heading_of
 from host.nav.picture import NO_REGION, STEP_PX, Picture, rays_of
 from host.nav.stand import AT_BORDER, SURE, Feet, Standing, stand_of, usable_depth
-from host.nav.tracks import Mover, Tracks
+from host.nav.tracks import LONG_HELD_S, Mover, Tracks
 from host.pose import Pose
 from host.rbdn.snapshot import Snapshot
 
@@ -268,8 +268,8 @@ class ObstacleMap:
         self.movers = self._tracks.movers
         for region_id in movers:  # it is no longer where it was, and what it stood on is floor
             self.evidence[(self.region == region_id) & (self.evidence > 0.0)] = LEFT
-        for mover in self.movers:
-            if mover.certain:
+        for mover in self.movers:  # by and by its region is something else, which the net gives the name to
+            if mover.certain and pose.t_s - mover.t_s < LONG_HELD_S:
                 self.evidence[(self.region == mover.region) & self.brief & (self.evidence > 0.0)] = LEFT
         self._tracks.look_for(feet, pose.t_s)
         resting = tuple(one for one in standing if one.region not in movers)

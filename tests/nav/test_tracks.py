@@ -7,7 +7,8 @@ from planar_world import LENS, Box, PlanarWorld
 
 from host.depth.report import DepthReport, RegionDepth
 from host.nav.config import BodyConfig, NavConfig
-from host.nav.map import ObstacleMap
+from host.nav.map import BRIEF, ObstacleMap
+from host.nav.tracks import LONG_HELD_S
 from host.pose import Pose
 
 MOVER = 10
@@ -46,3 +47,16 @@ def test_where_a_mover_turned_round_is_known():
     assert mover.high_cm is not None and mover.low_cm is None
     end = mover.origin_cm[0] + mover.high_cm * mover.ahead[0]
     assert end == pytest.approx(there[-1] + 7, abs=6.0)
+
+
+@pytest.mark.parametrize(("after_s", "remains"), [(1.0, False), (LONG_HELD_S + 1.0, True)])
+def test_what_got_the_name_of_a_mover_that_is_long_gone_is_not_taken_back(after_s, remains):
+    """A wall below the picture had such a name: its cells went, and the robot drove into it."""
+    obstacle_map = watch([-40 + k for k in range(40)])
+    assert obstacle_map.movers[0].certain
+    behind = obstacle_map.cell_of(0.0, -40.0)
+    obstacle_map.evidence[behind], obstacle_map.region[behind] = BRIEF, MOVER
+    obstacle_map.brief[behind] = True
+    snapshot, report = PlanarWorld([]).see()
+    obstacle_map.update(snapshot, report, Pose.planar(0, 0, 0, t_s=39 / 15 + after_s), LENS)
+    assert (obstacle_map.evidence[behind] > 0.0) == remains
