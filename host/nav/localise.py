@@ -298,8 +298,8 @@ class Localiser:
             if news * news < SEEN_TURN_GATE * total:
                 if seen[0].sigma_yaw_rad < SEEN_TURN_SIGMA:
                     total += (SEEN_TURN_ALIKE * self._way_since_cm) ** 2
-                    self._mean = m = m + ph * (news / total)
                     p -= np.outer(ph, ph / total)
+                    self._shift(ph * (news / total))
             else:
                 self._odd = (*odd, (news, noise))
                 if len(self._odd) < ODD_TURNS:  # between two edges it may only seem so
@@ -392,8 +392,8 @@ class Localiser:
         for row, k in pairs:
             at, lost = slice(OWN + 2 * row, OWN + 2 * row + 2), self._before[k]
             gain = p[:, at] @ np.linalg.inv(p[at, at] + lost.covariance + SAME_CM**2 * np.eye(2))
-            m += gain @ (lost.place_cm - m[at])
             p -= gain @ p[at]
+            self._shift(gain @ (lost.place_cm - m[at]))
 
     def _pushed_cm(self, place_cm: np.ndarray) -> float:
         """So far from where it was may something seem to be after a slip or a push."""
@@ -531,8 +531,8 @@ class Localiser:
                 mark.strikes += 1
                 continue
             gain = found.ph @ found.inverse
-            self._mean += gain @ found.news
             self._cov -= gain @ found.ph.T
+            self._shift(gain @ found.news)
             mark.strikes = 0
             mark.seen += 1
             mark.seen_s = t_s
@@ -541,6 +541,20 @@ class Localiser:
         for index in reversed(range(len(self.landmarks))):
             if self.landmarks[index].strikes >= STRIKES:
                 self._forget(index)
+
+    def _shift(self, by: np.ndarray) -> None:
+        """Correct the state, (N,), and let a wrong heading still turn all places about one point as before.
+
+        Nothing that is seen from a place tells how the map as a whole lies. Were each place's error by the
+        heading left as it was for the place it is moved from, the next sightings would seem to tell just
+        that: small errors of distances then turn all of a robot whose heading is in doubt.
+        """
+        self._mean += by
+        lever = np.zeros(len(by))
+        lever[X], lever[Z] = by[Z], -by[X]
+        lever[OWN::2], lever[OWN + 1 :: 2] = by[OWN + 1 :: 2], -by[OWN::2]
+        self._cov += np.outer(lever, self._cov[HEADING])
+        self._cov += np.outer(self._cov[:, HEADING], lever)
 
     # ---- landmarks come and go ----
 

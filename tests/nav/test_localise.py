@@ -40,6 +40,7 @@ class Pillar:
     radius: float
     height: float
     rgb: tuple[float, float, float]
+    shade_cm: float = 0.0  # on the floor before it, of its colour
 
     def region(self, number: int, pose: Pose, rng: np.random.Generator) -> Region | None:
         """Its region as the camera at a pose sees it, with half a pixel of noise; None where it does not."""
@@ -48,7 +49,7 @@ class Pillar:
         if at[2] < 25 or away < 3 * self.radius:
             return None
         middle, half = math.atan2(at[0], at[2]), math.asin(self.radius / away)
-        foot = BODY.camera_height_cm / (at[2] - self.radius)
+        foot = BODY.camera_height_cm / (at[2] - self.radius - self.shade_cm)
         left, right = (LENS.cx + LENS.fx * math.tan(middle + s * half) for s in (-1, 1))
         low = LENS.cy + LENS.fy * foot
         top = LENS.cy + LENS.fy * (BODY.camera_height_cm - self.height) / at[2]
@@ -332,6 +333,29 @@ def test_a_false_alarm_does_not_move_the_robot_on_the_map():
     print(f"\noff {max(robot.errors[begun:]):.1f} cm at most; {known} landmarks known, then more")
     assert not robot.localiser.astray
     assert max(robot.errors[begun:]) < 6.0
+
+
+def test_a_heading_in_doubt_stays_so_among_things_that_are_new():
+    """Nothing tells it: whoever comes to believe otherwise turns away by the errors of what is seen."""
+    for seed in range(5):
+        robot = Robotic([], 0.0, 0.0, seed)
+        robot.localiser.lose_place()
+        doubt_rad = robot.localiser.sigma[1]
+        rng = np.random.default_rng(seed)
+        robot.things = [
+            Pillar(x, 250.0, 8.0, 25.0, (120.0 + x, rng.uniform(20, 220), 90.0 - x), 30.0)
+            for x in (10.0, 40.0, 70.0)
+        ]
+        robot.drive(160.0, 0.0)
+        off = wrap(heading_of(robot.localiser.pose()) - robot.true[2])
+        sigma_rad = robot.localiser.sigma[1]
+        print(
+            f"\nseed {seed}: off {robot.errors[-1]:.1f} cm, {math.degrees(off):.2f} deg;"
+            f" doubt {math.degrees(doubt_rad):.2f}, then {math.degrees(sigma_rad):.2f} deg"
+        )
+        assert len(robot.localiser.landmarks) == 3
+        assert sigma_rad > 0.99 * doubt_rad
+        assert abs(off) < 0.03
 
 
 def test_turns_that_the_net_saw_tell_the_wheels_apart_before_any_landmark_does():
