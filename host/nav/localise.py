@@ -47,6 +47,7 @@ STEP_CM, STEP_RAD = 1.5, 0.02  # corrections are made each time the robot has mo
 GATE = 13.8  # chi2 of two measures beyond which a sighting corrects nothing
 ALIKE = 4.0  # sightings err alike for a while: their standard errors count so much more
 ALIKE_NEAR = 12.0  # likewise distances
+KNOWN_NEAR = 3.0  # but by hardly more than one is the same thing off when it is seen again
 MOST_AT_ONCE = 8  # sightings used of one frame
 LANDMARKS = 20  # the most that are kept
 PROBATION = 4  # a thing is seen so often before it is believed to stand still
@@ -487,11 +488,14 @@ class Localiser:
 
     def _out_of_place(self, sighting: Sighting, row: int) -> float:
         """Chi2 of a sighting that would be this landmark's."""
-        found = self._compare(sighting, row)
+        found = self._compare(sighting, row, KNOWN_NEAR)
         return math.inf if found is None else found.chi2
 
-    def _compare(self, sighting: Sighting, row: int) -> _News | None:
-        """What a sighting says beyond what was expected of a landmark; None where that cannot be in view."""
+    def _compare(self, sighting: Sighting, row: int, alike_near: float = ALIKE_NEAR) -> _News | None:
+        """What a sighting says beyond what was expected of a landmark; None where that cannot be in view.
+
+        Distances count with ``alike_near`` of their standard errors.
+        """
         p, at = self._cov, OWN + 2 * row
         own_x, own_z, heading = self._mean[: HEADING + 1].tolist()
         x, z = self._mean[at : at + 2].tolist()
@@ -510,18 +514,18 @@ class Localiser:
         ph = p[:, : HEADING + 1] @ own.T + p[:, at : at + 2] @ its.T
         s = own @ ph[: HEADING + 1] + its @ ph[at : at + 2]
         (a, b), (_, d) = s.tolist()
-        noise = self._noise(sighting)
+        noise = self._noise(sighting, alike_near)
         a, d = a + noise[0], d + noise[1]
         inverse = np.array([[d, -b], [-b, a]]) / (a * d - b * b)
         news = np.array([sighting.across - u, sighting.near - w])
         return _News(float(news @ inverse @ news), news, ph, inverse)
 
-    def _noise(self, sighting: Sighting) -> tuple[float, float]:
+    def _noise(self, sighting: Sighting, alike_near: float = ALIKE_NEAR) -> tuple[float, float]:
         """Variances of what is measured, as far as it counts as news."""
         timing = TIME_SIGMA_S * self._turn_rate * (1 + sighting.across**2)
         wheels = self._odometry.sigma_rot_rad if self._odometry else 0.0
         across = (ALIKE * sighting.sigma_across) ** 2 + timing**2 + wheels**2
-        return across, (ALIKE_NEAR * sighting.sigma_near) ** 2
+        return across, (alike_near * sighting.sigma_near) ** 2
 
     def _correct(self, matched: list[tuple[Sighting, int]], t_s: float) -> None:
         """One step of the filter for every sighting that is where it may be."""

@@ -259,6 +259,21 @@ def walk(robot: Robotic, mover: int, told: bool) -> None:
         robot.things[mover].x += 1.0
 
 
+def test_what_stands_three_times_as_far_is_not_taken_for_what_looked_so():
+    """Its direction fits, for the robot may be off, and its colour does; its distance never can."""
+    near, far = (Pillar(0.0, z, 8.0, 25.0, (180.0, 60.0, 90.0)) for z in (70.0, 260.0))
+    robot = Robotic([near], 0.0, 0.0)
+    robot.drive(12.0, 0.0)
+    assert len(robot.localiser.landmarks) == 1
+    robot.things = []
+    robot.drive(4.0, 0.0)
+    robot.things = [far]
+    robot.names.clear()
+    robot.drive(30.0, 0.0)
+    assert robot.localiser.landmarks[0].returns == 0
+    assert robot.localiser.landmark_cm(0) == pytest.approx((0.0, 70.0), abs=8.0)
+
+
 def test_a_thing_said_to_move_never_becomes_a_landmark():
     robot = Robotic([Pillar(-20.0, 120.0, 8.0, 25.0, (200.0, 40.0, 40.0))], 0.0, 0.0)
     walk(robot, 0, told=True)
