@@ -69,6 +69,7 @@ ENOUGH_ELSEWHERE = 6  # anywhere else
 TRY_AGAIN = 20  # frames later, when nothing new is seen
 ENOUGH_PUSHED = 5  # further off than a slip, nearer than elsewhere
 SLIPPED_CM, SLIPPED_RAD = 8.0, 0.12  # by so much a robot that slips may be off, two standard errors
+SLIPPED_CHI2 = 1.0  # of each coordinate of what is seen elsewhere, up to which that is all
 PUSHED_CM, PUSHED_RAD = 40.0, 0.4  # or one that is pushed
 
 
@@ -370,13 +371,14 @@ class Localiser:
             for row in rows
         ], dtype=bool).reshape(len(rows), len(self._before))  # fmt: skip
         pairs, now, then, fits, worth = self._compare_places(rows, self._before, near)
-        wanted = self._enough(now[fits], then[fits])
+        fitting = [pair for pair, fit in zip(pairs, fits.tolist(), strict=True) if fit]
+        wanted = ENOUGH if self._as_slipped(fitting) else self._enough(now[fits], then[fits])
         if worth < wanted:
             pairs, now, then, fits, worth = self._compare_places(rows, self._before, np.ones_like(near))
             if worth < ENOUGH_ELSEWHERE or fits.sum() < 3 or 3 * fits.sum() < 2 * len(fits):
                 return
         if worth >= wanted == ENOUGH:
-            self._meet([pair for pair, fit in zip(pairs, fits.tolist(), strict=True) if fit])
+            self._meet(fitting)
         else:
             self._change_frame(now[fits], then[fits])
         gone = {k for _, k in pairs}
@@ -386,6 +388,17 @@ class Localiser:
                 one.mark.key, one.mark.strikes = None, 0
                 self.landmarks.append(one.mark)
         self._before = []
+
+    def _as_slipped(self, pairs: list[tuple[int, int]]) -> bool:
+        """Whether a slip, and how well distances are known, explain that things are seen elsewhere."""
+        if not pairs:
+            return False
+        at = np.array([OWN + 2 * row + axis for row, _ in pairs for axis in (0, 1)])
+        off = np.concatenate([self._before[k].place_cm for _, k in pairs]) - self._mean[at]
+        total = self._cov[np.ix_(at, at)] + SAME_CM**2 * np.eye(len(at))
+        for n, (_, k) in enumerate(pairs):
+            total[2 * n : 2 * n + 2, 2 * n : 2 * n + 2] += self._before[k].covariance
+        return float(off @ np.linalg.solve(total, off)) < SLIPPED_CHI2 * len(at)
 
     def _meet(self, pairs: list[tuple[int, int]]) -> None:
         """Landmarks (row, index) are what was known before: all that was seen from here goes with them."""

@@ -373,6 +373,25 @@ def test_a_heading_in_doubt_stays_so_among_things_that_are_new():
         assert abs(off) < 0.03
 
 
+def test_badly_known_distances_neither_move_the_robot_on_the_map_nor_keep_it_lost():
+    """A false alarm, and all that is seen afterwards seems nearer, as light on the floor may have it."""
+    for seed in range(5):
+        robot = Robotic([], 0.0, 0.0, seed)
+        robot.things = [
+            Pillar(x, 270.0, 8.0, 25.0, (120.0 + x, 60.0, 90.0 - x), 25.0) for x in (-60.0, 10.0, 70.0)
+        ]
+        robot.drive(30.0, 0.0)
+        for thing in robot.things:
+            thing.shade_cm = 0.0
+        robot.names.clear()
+        robot.localiser.lose_place()
+        assert robot.localiser.astray
+        robot.drive(30.0, 0.0)
+        print(f"\nseed {seed}: off {max(robot.errors):.1f} cm at most")
+        assert not robot.localiser.astray
+        assert max(robot.errors) < 6.0
+
+
 def test_turns_that_the_net_saw_tell_the_wheels_apart_before_any_landmark_does():
     for seed in range(5):
         robot = Robotic([], 0.03, 0.0, seed)
