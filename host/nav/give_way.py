@@ -40,6 +40,7 @@ BACK_FROM_CM = 10.0  # too near by more than this it steps back,
 STEP_BACK_CM = 5.0  # if that leads away from the line
 FACING_RAD = 0.15  # it looks across as straight as this
 OUT_OF_VIEW_S = 2.0  # what it gives way to and has not seen for so long it turns to look for
+STOOD_S = 0.7  # once its way has been shut for so long without a break
 
 
 @dataclass(frozen=True)
@@ -140,6 +141,7 @@ def cross_over(
 ) -> tuple[Command | None, Plan]:
     """Go to where a line that holds the robot up is best crossed, wait there, cross; no command: go on."""
     cross, movers = plan.cross, obstacle_map.movers
+    shut_s, plan = plan.shut_s, replace(plan, shut_s=None)
     if (cross is None and (not held.stands or t_s < plan.no_cross_s)) or not movers:
         return None, replace(plan, cross=None)
     if cross is not None and cross.under_way:
@@ -154,9 +156,12 @@ def cross_over(
         found = _best_crossing(obstacle_map, here)
         if found is None:
             back = _back_off(held, obstacle_map, t_s, here, heading)
-            towards = _to_its_line(held, t_s, here, heading)
+            shut_s = t_s if shut_s is None else shut_s
+            stood = t_s - shut_s > STOOD_S  # else it turns to and fro between its way and the line
+            towards = _to_its_line(held, t_s, here, heading) if stood else heading
             command = back or _watch(held, heading, towards, obstacle_map)
-            return command, replace(plan, cross=None, piece_from=None, v_cm_s=command.v_mm_s / 10)
+            plan = replace(plan, shut_s=shut_s, v_cm_s=command.v_mm_s / 10)
+            return command, replace(plan, cross=None, piece_from=None)
         if cross is None or abs(found.aside_cm(cross.crossing.begin)) > BETTER_CM:
             cross = Cross(found, t_s)
         cross = replace(cross, found_s=t_s)

@@ -63,6 +63,7 @@ class Plan:
     v_cm_s: float = 0.0  # forward speed last told
     cross: Cross | None = None  # of the line of something that moves
     no_cross_s: float = -math.inf  # until then it does not look for another one: the last was shut
+    shut_s: float | None = None  # since when it has stood before one across which nothing leads
     unseen: bool = False  # the piece to the aim leads over floor that nobody has seen
     aim: tuple[float, float] | None = None
     piece_from: tuple[float, float] | None = None  # where the present straight piece began; None: turning

@@ -19,8 +19,8 @@ LINE_Z = 75.0
 ASIDE_RAD = math.radians(50)  # it stands turned so far from what it gives way to
 
 
-def watched(unseen_s: float) -> float:
-    """How fast who stands with nothing leading across turns, in rad/s."""
+def watched(unseen_s: float, stood_s: float = 3.0) -> float:
+    """How fast who has stood for so long with nothing leading across turns, in rad/s."""
     obstacle_map = ObstacleMap(BodyConfig(), NavConfig())
     obstacle_map.evidence[:] = -4.0
     obstacle_map.evidence[np.abs(obstacle_map.centres_cm - LINE_Z - 10.0) < 8.0] = 4.0  # a wall behind its line
@@ -28,7 +28,9 @@ def watched(unseen_s: float) -> float:
     mover = Mover(7, 2.0, (0.0, LINE_Z), (1.0, 0.0), 20.0, 20.0, 8.0, sights, (0.0, -20.0), seen=20)
     obstacle_map.movers = [mover]
     held = Held(None, Verdict(mover, 0.0), back_cm=0.0)
-    command, _ = cross_over(Plan(), held, obstacle_map, 2.0 + unseen_s, HERE, -ASIDE_RAD)
+    t_s = 2.0 + unseen_s
+    _, plan = cross_over(Plan(), held, obstacle_map, t_s - stood_s, HERE, -ASIDE_RAD)
+    command, _ = cross_over(plan, held, obstacle_map, t_s, HERE, -ASIDE_RAD)
     assert command is not None and command.v_mm_s == 0.0
     return command.omega_rad_s
 
@@ -40,3 +42,14 @@ def test_out_of_view_it_is_looked_for_though_nothing_leads_across_its_line():
 
 def test_as_long_as_it_is_seen_the_robot_stands_still():
     assert watched(unseen_s=0.5) == pytest.approx(0.0)
+
+
+def test_where_its_way_opened_a_moment_ago_the_robot_does_not_turn_away_from_it():
+    """It turned to and fro between its way and the line for 15 s, and saw in no picture what came by."""
+    assert watched(unseen_s=10.0, stood_s=0.5) == pytest.approx(0.0)
+
+
+def test_who_may_go_on_has_not_stood():
+    obstacle_map = ObstacleMap(BodyConfig(), NavConfig())
+    _, plan = cross_over(Plan(shut_s=1.0), Held(None), obstacle_map, 9.0, HERE, 0.0)
+    assert plan.shut_s is None
