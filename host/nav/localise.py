@@ -377,6 +377,7 @@ class Localiser:
             pairs, now, then, fits, worth = self._compare_places(rows, self._before, np.ones_like(near))
             if worth < ENOUGH_ELSEWHERE or fits.sum() < 3 or 3 * fits.sum() < 2 * len(fits):
                 return
+            wanted = math.inf  # no slip explains it: it is elsewhere
         if worth >= wanted == ENOUGH:
             self._meet(fitting)
         else:

@@ -269,7 +269,7 @@ class ObstacleMap:
         for region_id in movers:  # it is no longer where it was, and what it stood on is floor
             self.evidence[(self.region == region_id) & (self.evidence > 0.0)] = LEFT
         for mover in self.movers:  # by and by its region is something else, which the net gives the name to
-            if mover.certain and pose.t_s - mover.t_s < LONG_HELD_S:
+            if mover.certain and pose.t_s - mover.named_s < LONG_HELD_S:
                 self.evidence[(self.region == mover.region) & self.brief & (self.evidence > 0.0)] = LEFT
         self._tracks.look_for(feet, pose.t_s)
         resting = tuple(one for one in standing if one.region not in movers)

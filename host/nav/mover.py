@@ -44,6 +44,7 @@ OFTEN = 10  # even motions seen, until nobody doubts it
 REMEMBERED_S = 32.0  # out of sight, it is reckoned with for so long
 BRIEFLY_S = 3.0  # if that was seen only a few times,
 HARDLY_S = 8.0  # and if it was seen to go hardly any way: nobody knows where to
+NAMELESS = -2  # no region has this number
 FORESEEN_S = 40.0  # if it is known where it turns round, on both sides
 
 
@@ -66,6 +67,7 @@ class Mover:
     ----------
     region : last seen as this
     t_s : when
+    named_s : and when it last was a region of its own, by that name
     origin_cm, ahead : a point (x, z) of the line and its direction
     at_cm, speed_cm_s : along the line from there; the speed is negative on the way back
     half_cm : half its width
@@ -92,6 +94,7 @@ class Mover:
     seen: int = 1
     since_s: float = -math.inf
     missed: int = 0
+    named_s: float = -math.inf
     doubt: np.ndarray = field(default_factory=lambda: np.diag([4.0, 9.0, 100.0, 100.0]), compare=False)
 
     @property
@@ -239,7 +242,7 @@ class Mover:
         """With a new sight of it, and if known whether it goes against the line's direction."""
         at = self.along(sight.x_cm, sight.z_cm)[0]
         since = sight.t_s - self.t_s
-        mover = replace(self, region=region, t_s=sight.t_s, missed=0)
+        mover = replace(self, region=region, t_s=sight.t_s, named_s=sight.t_s, missed=0)
         if half_cm is not None:
             mover = replace(mover, half_cm=self.half_cm + (half_cm - self.half_cm) / min(self.seen + 1, 10))
         if self.lost:  # it goes on its line as before, but was elsewhere

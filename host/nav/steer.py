@@ -52,7 +52,7 @@ def decide(
     plan = replace(plan, wait=wait, v_cm_s=0.0)
     if held.command is not None:
         v_cm_s = held.command.v_mm_s / 10
-        return held.command, replace(plan, piece_from=None, lost_s=None, v_cm_s=v_cm_s)
+        return held.command, replace(plan, piece_from=None, lost_s=None, shut_s=None, v_cm_s=v_cm_s)
     if not plan.begun:
         if plan.start is None:
             if plan.set_down:

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from host.nav import _nav
-from host.nav.mover import SIGMA_RAY, TURNED_CM, Mover, Sight
+from host.nav.mover import NAMELESS, SIGMA_RAY, TURNED_CM, Mover, Sight
 from host.nav.stand import CUT_PART, Feet, quantile
 
 OVER_S = 0.7  # a velocity across the view is that over so long
@@ -78,8 +78,9 @@ class Tracks:
         return self._known.sure
 
     def keep_movers(self, others: Tracks) -> None:
-        """Remember what somebody else knows to move."""
+        """Remember what somebody else knows to move, but not the names that another net gave it."""
         self._known = others._known
+        self._known.unname()
 
     def velocity(self, region: int, feet: Feet, t_s: float) -> tuple[float, float] | None:
         """(x, z) in cm/s of a thing that surely moves, None otherwise; told of every region once a frame."""
@@ -170,7 +171,7 @@ class Movers:
         """(x, z) in cm/s of a region that was lately seen to move; of what surely does, not so lately."""
         for mover in self._all:
             held_s = LONG_HELD_S if mover.certain else HELD_S
-            if mover.region == region and mover.seen >= CONFIRMED and t_s - mover.t_s < held_s:
+            if mover.region == region and mover.seen >= CONFIRMED and t_s - mover.named_s < held_s:
                 return mover.velocity_cm_s
         return None
 
@@ -208,14 +209,15 @@ class Movers:
         seen = 1 if old is None else old.seen
         leg = (place.t_s, 0.0)
         new = Mover(
-            region, place.t_s, at, ahead, 0.0, speed, half_cm, sights, leg, seen=seen, since_s=place.t_s
-        )
+            region, place.t_s, at, ahead, 0.0, speed, half_cm, sights, leg, seen=seen, since_s=place.t_s,
+            named_s=place.t_s,
+        )  # fmt: skip
         self._all.append(new)
 
     def glimpse(self, region: int, place: Sight) -> None:
         """A region that is known to move is here, whether or not its motion shows."""
         for k, mover in enumerate(self._all):
-            if mover.region == region and place.t_s - mover.t_s < HELD_S:
+            if mover.region == region and place.t_s - mover.named_s < HELD_S:
                 at, beside = mover.along(place.x_cm, place.z_cm)
                 low, high = mover.reach(np.array([place.t_s]))
                 there = abs(beside) < BESIDE_CM and low[0] - ABOUT_CM < at < high[0] + ABOUT_CM
@@ -249,17 +251,24 @@ class Movers:
                 there = abs(beside) < BESIDE_CM and low[0] - ABOUT_CM < at < high[0] + ABOUT_CM
                 if there and abs(cosine) > math.cos(LIKE_RAD):
                     told = mover.told(place, mover.region, None, cosine < 0)
-                    self._all[k] = replace(told, seen=mover.seen + 1)
+                    self._all[k] = replace(told, named_s=mover.named_s, seen=mover.seen + 1)
                     return
             elif unseen_s < HELD_S and not mover.lost:
                 off = abs(at - float(mover.place(now)[0]))
                 if abs(beside) < ABOUT_CM and off < TURNED_CM + float(mover.sigma_cm(now)[0]):
-                    self._all[k] = mover.told(place, mover.region, None)
+                    told = mover.told(place, mover.region, None)
+                    self._all[k] = replace(told, named_s=mover.named_s)
                     return
+
+    def unname(self) -> None:
+        """From now on any region may be any of them."""
+        self._all = [replace(one, region=NAMELESS, named_s=-math.inf) for one in self._all]
 
     def drop(self, region: int) -> None:
         """It stands."""
-        self._all = [m for m in self._all if m.region != region or m.understood or self._t_s - m.t_s > HELD_S]
+        self._all = [
+            m for m in self._all if m.region != region or m.understood or self._t_s - m.named_s > HELD_S
+        ]
 
     def look_for(self, t_s: float, seen_free: Callable[[np.ndarray, float], np.ndarray]) -> None:
         """Where what is out of sight should be, is it there?

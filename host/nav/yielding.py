@@ -15,7 +15,7 @@ import numpy as np
 
 from host.nav.config import BodyConfig, NavConfig
 from host.nav.map import Obstacle
-from host.nav.mover import Mover
+from host.nav.mover import NAMELESS, Mover
 from host.pose import bearing
 
 FORESIGHT_S = 8.0
@@ -61,7 +61,8 @@ class Verdict:
 
     def __str__(self) -> str:
         if isinstance(self.thing, Mover):
-            return f"region {self.thing.region} (foot, moving) at {abs(self.thing.speed_cm_s):.0f} cm/s"
+            name = "something" if self.thing.region == NAMELESS else f"region {self.thing.region}"
+            return f"{name} (foot, moving) at {abs(self.thing.speed_cm_s):.0f} cm/s"
         return str(self.thing)
 
 

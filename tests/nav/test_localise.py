@@ -318,7 +318,11 @@ def test_what_stands_beside_the_camera_is_not_taken_for_what_is_seen_ahead():
     assert abs(off) < 0.02
 
 
-def test_put_elsewhere_it_finds_its_place_again_among_known_things():
+@pytest.mark.parametrize("explained", [False, True])
+def test_put_elsewhere_it_finds_its_place_again_among_known_things(monkeypatch, explained):
+    """Also where a slip would explain the little that fits nearby."""
+    if explained:
+        monkeypatch.setattr(Localiser, "_as_slipped", lambda localiser, pairs: True)
     robot = Robotic(pillars(6, 8), 0.0, 0.0)
     square(robot, 1)
     robot.true = (60.0, 40.0, -2.0)  # carried there
@@ -373,16 +377,17 @@ def test_a_heading_in_doubt_stays_so_among_things_that_are_new():
         assert abs(off) < 0.03
 
 
-def test_badly_known_distances_neither_move_the_robot_on_the_map_nor_keep_it_lost():
-    """A false alarm, and all that is seen afterwards seems nearer, as light on the floor may have it."""
+@pytest.mark.parametrize(("shade_cm", "then_cm"), [(25.0, 0.0), (0.0, 25.0)])
+def test_badly_known_distances_neither_move_the_robot_on_the_map_nor_keep_it_lost(shade_cm, then_cm):
+    """A false alarm, and all seems farther or nearer afterwards, as light on the floor may have it."""
     for seed in range(5):
         robot = Robotic([], 0.0, 0.0, seed)
         robot.things = [
-            Pillar(x, 270.0, 8.0, 25.0, (120.0 + x, 60.0, 90.0 - x), 25.0) for x in (-60.0, 10.0, 70.0)
+            Pillar(x, 270.0, 8.0, 25.0, (120.0 + x, 60.0, 90.0 - x), shade_cm) for x in (-60.0, 10.0, 70.0)
         ]
         robot.drive(30.0, 0.0)
         for thing in robot.things:
-            thing.shade_cm = 0.0
+            thing.shade_cm = then_cm
         robot.names.clear()
         robot.localiser.lose_place()
         assert robot.localiser.astray

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from host.nav.mover import Mover, Sight
-from host.nav.tracks import Movers
+from host.nav.tracks import LONG_HELD_S, Movers
+from host.nav.yielding import Verdict
 from host.pose import Pose
 
 SPEED = 15.0
@@ -182,3 +183,34 @@ def test_a_foot_of_the_floors_region_beside_the_line_turns_no_mover_round():
     movers.forget(later)
     movers.seen_mixed(Sight(later, true_x(later) - 6.0, LINE_Z + 17.0, (0.0, 1.0), LINE_Z), 8.0, None)
     assert movers.sure == [before]
+
+
+def test_who_is_followed_in_the_floors_region_gives_up_its_old_name():
+    """Another thing that the net gave it was taken back from the map in every picture."""
+    until = 3.0
+    movers = seen(until, -60, 60)
+    assert movers.velocity(3, until) is not None
+    for k in range(round(15 * (LONG_HELD_S + 1.0))):
+        t_s = until + (k + 1) / 15
+        movers.forget(t_s)
+        x = true_x(t_s)
+        way = math.copysign(SPEED, true_x(t_s + 0.01) - x)
+        movers.seen_mixed(Sight(t_s, x, LINE_Z, (x / LINE_Z, 1.0), LINE_Z), 8.0, (way, 0.0))
+    (mover,) = movers.sure
+    assert t_s - mover.t_s < 0.2
+    assert t_s - mover.named_s > LONG_HELD_S
+    assert movers.velocity(3, t_s) is None
+
+
+def test_what_another_net_sees_bears_no_name_of_a_mover_that_is_remembered():
+    """A wall was given the number that a mover had, and was no wall on the map."""
+    until = 22.0
+    movers = seen(until, -60, 60)
+    (before,) = movers.sure
+    movers.unname()
+    (mover,) = movers.sure
+    assert movers.velocity(3, until) is None
+    assert mover.reach(np.array([until + 2.0])) == before.reach(np.array([until + 2.0]))
+    assert "region" not in str(Verdict(mover, 10.0))
+    movers.note(7, Sight(until, true_x(until), LINE_Z, (0.0, 1.0), LINE_Z), (-SPEED, 0.0), 8.0)
+    assert [one.region for one in movers.sure] == [7]
