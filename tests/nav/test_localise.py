@@ -318,11 +318,7 @@ def test_what_stands_beside_the_camera_is_not_taken_for_what_is_seen_ahead():
     assert abs(off) < 0.02
 
 
-@pytest.mark.parametrize("explained", [False, True])
-def test_put_elsewhere_it_finds_its_place_again_among_known_things(monkeypatch, explained):
-    """Also where a slip would explain the little that fits nearby."""
-    if explained:
-        monkeypatch.setattr(Localiser, "_as_slipped", lambda localiser, pairs: True)
+def test_put_elsewhere_it_finds_its_place_again_among_known_things():
     robot = Robotic(pillars(6, 8), 0.0, 0.0)
     square(robot, 1)
     robot.true = (60.0, 40.0, -2.0)  # carried there
@@ -333,6 +329,28 @@ def test_put_elsewhere_it_finds_its_place_again_among_known_things(monkeypatch, 
     robot.drive(0.0, 2 * math.pi)
     robot.drive(20.0, 1.0)
     print(f"\noff {robot.errors[-1]:.1f} cm after it found its place")
+    assert not robot.localiser.astray
+    assert robot.errors[-1] < 12.0
+
+
+def test_who_was_put_elsewhere_goes_where_all_fits_not_where_a_slip_explains_one_thing(monkeypatch):
+    compare = Localiser._compare_places
+
+    def one_alone_is_near(localiser, rows, before, near):
+        pairs, now, then, fits, worth = compare(localiser, rows, before, near)
+        if near.all():
+            return pairs, now, then, fits, worth
+        return pairs[:1], now[:1], then[:1], fits[:1], 2.0
+
+    monkeypatch.setattr(Localiser, "_compare_places", one_alone_is_near)
+    monkeypatch.setattr(Localiser, "_as_slipped", lambda localiser, pairs: True)
+    robot = Robotic(pillars(6, 8), 0.0, 0.0)
+    square(robot, 1)
+    robot.true = (60.0, 40.0, -2.0)
+    robot.names.clear()
+    robot.localiser.lose_place()
+    robot.drive(0.0, 2 * math.pi)
+    robot.drive(20.0, 1.0)
     assert not robot.localiser.astray
     assert robot.errors[-1] < 12.0
 
