@@ -94,7 +94,6 @@ class ObstacleMap:
         self.movers: list[Mover] = []  # also for a while after they went out of sight
         self._tracks = Tracks()
         self._restless: dict[int, int] = {}  # pictures one after the other in which a region's depth moved
-        self._turns = False
         self._front_cm: dict[int, float] = {}  # before a region's mean depth
         self._half = side // 2 * config.cell_cm
         self.centres_cm = (np.arange(side) + 0.5) * config.cell_cm - self._half
@@ -288,7 +287,7 @@ class ObstacleMap:
         told = report.regions.get(region_id)
         moves = told is not None and told.moving
         before = self._restless.get(region_id, 0)
-        self._restless[region_id] = before + (not self._turns) if moves else 0
+        self._restless[region_id] = before + (not self._tracks.turns) if moves else 0
         return self._restless[region_id]
 
     def _mover_near(self, feet: Feet, pose: Pose) -> tuple[Mover, np.ndarray] | None:
@@ -342,11 +341,11 @@ class ObstacleMap:
         """Less is known of what was seen long ago, and of where it is after much travel and many turns."""
         t_s, heading = pose.t_s, heading_of(pose)
         x, z = float(pose.position_cm[0]), float(pose.position_cm[2])
-        self._turns = False
+        turns = False
         if self._last is not None:
             last_s, last_x, last_z, last_heading = self._last
             turn = math.remainder(heading - last_heading, 2 * math.pi)
-            self._turns = abs(turn) > TURNS_RAD_S * max(t_s - last_s, 1e-3)
+            turns = abs(turn) > TURNS_RAD_S * max(t_s - last_s, 1e-3)
             age = max(0.0, t_s - last_s) / self.config.memory_s
             gone_cm = math.hypot(x - last_x, z - last_z)
             self._gone_cm += gone_cm
@@ -354,7 +353,7 @@ class ObstacleMap:
             self.evidence *= math.exp(-age)
         self._last = t_s, x, z, heading
         self.obstacles = {k: o for k, o in self.obstacles.items() if t_s - o.t_s < 2 * self.config.memory_s}
-        self._tracks.forget(t_s, self._turns)
+        self._tracks.forget(t_s, turns)
         self._restless = {k: count for k, count in self._restless.items() if count}
         self._front_cm = {k: front for k, front in self._front_cm.items() if k in self.obstacles}
 

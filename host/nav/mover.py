@@ -238,11 +238,18 @@ class Mover:
         rel = places - self.origin_cm
         return rel @ self.ahead, rel @ (self.ahead[1], -self.ahead[0])
 
-    def told(self, sight: Sight, region: int, half_cm: float | None, back: bool | None = None) -> Mover:
-        """With a new sight of it, and if known whether it goes against the line's direction."""
+    def told(
+        self, sight: Sight, region: int | None, half_cm: float | None, back: bool | None = None
+    ) -> Mover:
+        """With a new sight of it, and if known whether it goes against the line's direction.
+
+        Where it is no region of its own there, it has no new name either.
+        """
         at = self.along(sight.x_cm, sight.z_cm)[0]
         since = sight.t_s - self.t_s
-        mover = replace(self, region=region, t_s=sight.t_s, named_s=sight.t_s, missed=0)
+        mover = replace(self, t_s=sight.t_s, missed=0)
+        if region is not None:
+            mover = replace(mover, region=region, named_s=sight.t_s)
         if half_cm is not None:
             mover = replace(mover, half_cm=self.half_cm + (half_cm - self.half_cm) / min(self.seen + 1, 10))
         if self.lost:  # it goes on its line as before, but was elsewhere

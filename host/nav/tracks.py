@@ -70,7 +70,7 @@ class Tracks:
     def __init__(self) -> None:
         self._seen: dict[int, deque[_Sight]] = {}
         self._known = Movers()
-        self._turns = False
+        self.turns = False  # the robot does: all outlines go far, and the heading errs
 
     @property
     def movers(self) -> list[Mover]:
@@ -90,7 +90,7 @@ class Tracks:
             return self._known.velocity(region, t_s)
         seen = self._lately(region, sight)
         known = self._known.velocity(region, t_s) is not None
-        velocity = _even_motion(list(seen), known) if known or not self._turns else None
+        velocity = _even_motion(list(seen), known) if known or not self.turns else None
         place, half = _disc(sight, self._known.half_cm(region))
         if velocity is not None:
             self._known.note(region, place, velocity, half)
@@ -107,7 +107,7 @@ class Tracks:
         if sight is None:
             return
         seen = self._lately(region, sight)
-        velocity = None if self._turns else _even_motion(list(seen), known=False)
+        velocity = None if self.turns else _even_motion(list(seen), known=False)
         self._known.seen_mixed(*_disc(sight, HALF_CM), velocity)
 
     def _lately(self, region: int, sight: _Sight) -> deque[_Sight]:
@@ -124,9 +124,9 @@ class Tracks:
 
     def forget(self, t_s: float, turns: bool = False) -> None:
         """What was not seen for a while; where the robot turns nothing that moves is found anew."""
-        if self._turns and not turns:
+        if self.turns and not turns:
             self._seen.clear()
-        self._turns = turns
+        self.turns = turns
         self._seen = {k: seen for k, seen in self._seen.items() if t_s - seen[-1].t_s < OVER_S}
         self._known.forget(t_s)
 
@@ -184,7 +184,7 @@ class Movers:
         speed = math.hypot(*velocity)
         for k, mover in enumerate(self._all):
             at, beside = mover.along(place.x_cm, place.z_cm)
-            cosine = (velocity[0] * mover.ahead[0] + velocity[1] * mover.ahead[1]) / speed
+            cosine = _cosine(velocity, mover)
             low, high = mover.reach(np.array([place.t_s]))
             same = (
                 abs(beside) < BESIDE_CM
@@ -218,18 +218,13 @@ class Movers:
         """A region that is known to move is here, whether or not its motion shows."""
         for k, mover in enumerate(self._all):
             if mover.region == region and place.t_s - mover.named_s < HELD_S:
-                at, beside = mover.along(place.x_cm, place.z_cm)
-                low, high = mover.reach(np.array([place.t_s]))
-                there = abs(beside) < BESIDE_CM and low[0] - ABOUT_CM < at < high[0] + ABOUT_CM
-                if there and not mover.lost:
+                if not mover.lost and _may_be(mover, place):
                     self._all[k] = mover.told(place, region, None)
                     return
 
     def seen_on_line(self, mover: Mover, region: int, place: Sight) -> None:
         """A mover was seen where only the direction to it is known, and that it is on its line."""
-        now = np.array([place.t_s])
-        off = abs(mover.along(place.x_cm, place.z_cm)[0] - float(mover.place(now)[0]))
-        if mover.lost or off > TURNED_CM + float(mover.sigma_cm(now)[0]):  # too badly seen to tell more
+        if mover.lost or not _should_be(mover, place):  # too badly seen to tell more
             return
         k = next(k for k, one in enumerate(self._all) if one is mover)
         self._all[k] = mover.told(place, region, None)
@@ -239,25 +234,20 @@ class Movers:
 
         Without a motion it must be just where a mover should be whose own region was seen a moment ago.
         """
-        now = np.array([place.t_s])
         for k, mover in enumerate(self._all):
             unseen_s = place.t_s - mover.t_s
             if mover.seen < CONFIRMED or unseen_s < MISSED_S or half_cm > 2 * mover.half_cm:
                 continue
-            at, beside = mover.along(place.x_cm, place.z_cm)
             if velocity is not None:
-                low, high = mover.reach(now)
-                cosine = (velocity[0] * mover.ahead[0] + velocity[1] * mover.ahead[1]) / math.hypot(*velocity)
-                there = abs(beside) < BESIDE_CM and low[0] - ABOUT_CM < at < high[0] + ABOUT_CM
-                if there and abs(cosine) > math.cos(LIKE_RAD):
-                    told = mover.told(place, mover.region, None, cosine < 0)
-                    self._all[k] = replace(told, named_s=mover.named_s, seen=mover.seen + 1)
+                cosine = _cosine(velocity, mover)
+                if abs(cosine) > math.cos(LIKE_RAD) and _may_be(mover, place):
+                    told = mover.told(place, None, None, cosine < 0)
+                    self._all[k] = replace(told, seen=mover.seen + 1)
                     return
             elif unseen_s < HELD_S and not mover.lost:
-                off = abs(at - float(mover.place(now)[0]))
-                if abs(beside) < ABOUT_CM and off < TURNED_CM + float(mover.sigma_cm(now)[0]):
-                    told = mover.told(place, mover.region, None)
-                    self._all[k] = replace(told, named_s=mover.named_s)
+                beside = mover.along(place.x_cm, place.z_cm)[1]
+                if abs(beside) < ABOUT_CM and _should_be(mover, place):
+                    self._all[k] = mover.told(place, None, None)
                     return
 
     def unname(self) -> None:
@@ -291,6 +281,25 @@ class Movers:
         """What was not seen for a while."""
         self._t_s = t_s
         self._all = [m for m in self._all if t_s - m.t_s < (LINE_S if m.seen >= CONFIRMED else 1.0)]
+
+
+def _cosine(velocity: tuple[float, float], mover: Mover) -> float:
+    """Of the angle between a velocity and a mover's line."""
+    return (velocity[0] * mover.ahead[0] + velocity[1] * mover.ahead[1]) / math.hypot(*velocity)
+
+
+def _may_be(mover: Mover, place: Sight) -> bool:
+    """Whether it can be there by now, beside its line by hardly more than sights err."""
+    at, beside = mover.along(place.x_cm, place.z_cm)
+    low, high = mover.reach(np.array([place.t_s]))
+    return bool(abs(beside) < BESIDE_CM and low[0] - ABOUT_CM < at < high[0] + ABOUT_CM)
+
+
+def _should_be(mover: Mover, place: Sight) -> bool:
+    """Whether it is there along its line if it went on as it did."""
+    now = np.array([place.t_s])
+    off = abs(mover.along(place.x_cm, place.z_cm)[0] - float(mover.place(now)[0]))
+    return bool(off <= TURNED_CM + float(mover.sigma_cm(now)[0]))
 
 
 def _replaces(now: Mover, old: Mover) -> bool:

@@ -1,6 +1,7 @@
 // Takes the lens's distortion out of image points: OpenCV's five terms.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstddef>
@@ -20,65 +21,16 @@ class Lens {
 
     // Where a camera without distortion, with the same focal lengths and centre, would see what is at `px`.
     Vec2 ideal(Vec2 px) const {
-        if (!bends_) return px;
-        const double u = (px.x - cx_) / fx_, v = (px.y - cy_) / fy_;
-        const auto [k1, k2, p1, p2, k3] = terms_;
-        double x = u, y = v;
-        for (int i = 0; i < 5; ++i) {
-            const double r2 = x * x + y * y, stretch = 1 + ((k3 * r2 + k2) * r2 + k1) * r2;
-            if (!(stretch > 0)) break;
-            const double dx = 2 * p1 * x * y + p2 * (r2 + 2 * x * x), dy = p1 * (r2 + 2 * y * y) + 2 * p2 * x * y;
-            x = (u - dx) / stretch, y = (v - dy) / stretch;
-        }
-        for (int i = 0; i < MORE_STEPS; ++i) {  // that leaves up to 0.1 px in the corners of a wide lens
-            const double r2 = x * x + y * y, stretch = 1 + ((k3 * r2 + k2) * r2 + k1) * r2;
-            const double off_x = u - (x * stretch + 2 * p1 * x * y + p2 * (r2 + 2 * x * x));
-            const double off_y = v - (y * stretch + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y);
-            if (!(std::abs(off_x) * fx_ > CLOSE_PX || std::abs(off_y) * fy_ > CLOSE_PX)) break;
-            x += off_x, y += off_y;
-        }
-        return {x * fx_ + cx_, y * fy_ + cy_};
+        Vec2 out;
+        straighten<1>(&px, &out);
+        return out;
     }
 
-    // The same of many places, to the bit: some worked out side by side take less time than one after the other.
+    // The same of many places: some side by side take less time than one after the other.
     void ideal(const Vec2* px, std::size_t count, Vec2* out) const {
         std::size_t n = 0;
-        for (; bends_ && n + SIDE_BY_SIDE <= count; n += SIDE_BY_SIDE) {
-            double u[SIDE_BY_SIDE], v[SIDE_BY_SIDE], x[SIDE_BY_SIDE], y[SIDE_BY_SIDE];
-            for (std::size_t i = 0; i < SIDE_BY_SIDE; ++i)
-                u[i] = x[i] = (px[n + i].x - cx_) / fx_, v[i] = y[i] = (px[n + i].y - cy_) / fy_;
-            const auto [k1, k2, p1, p2, k3] = terms_;
-            double sound = 1;  // 0 where one of them lies beyond what the lens can show
-            for (int step = 0; step < 5; ++step)
-                for (std::size_t i = 0; i < SIDE_BY_SIDE; ++i) {
-                    const double a = x[i], b = y[i];
-                    const double r2 = a * a + b * b, stretch = 1 + ((k3 * r2 + k2) * r2 + k1) * r2;
-                    const double dx = 2 * p1 * a * b + p2 * (r2 + 2 * a * a);
-                    const double dy = p1 * (r2 + 2 * b * b) + 2 * p2 * a * b;
-                    x[i] = (u[i] - dx) / stretch, y[i] = (v[i] - dy) / stretch;
-                    sound = stretch > 0 ? sound : 0.0;
-                }
-            if (sound == 0) {
-                for (std::size_t i = 0; i < SIDE_BY_SIDE; ++i) out[n + i] = ideal(px[n + i]);
-                continue;
-            }
-            for (int step = 0; step < MORE_STEPS; ++step) {
-                double ox[SIDE_BY_SIDE], oy[SIDE_BY_SIDE];
-                for (std::size_t i = 0; i < SIDE_BY_SIDE; ++i) {
-                    const double a = x[i], b = y[i];
-                    const double r2 = a * a + b * b, stretch = 1 + ((k3 * r2 + k2) * r2 + k1) * r2;
-                    ox[i] = u[i] - (a * stretch + 2 * p1 * a * b + p2 * (r2 + 2 * a * a));
-                    oy[i] = v[i] - (b * stretch + p1 * (r2 + 2 * b * b) + 2 * p2 * a * b);
-                }
-                bool far = false;
-                for (std::size_t i = 0; i < SIDE_BY_SIDE; ++i)
-                    if (std::abs(ox[i]) * fx_ > CLOSE_PX || std::abs(oy[i]) * fy_ > CLOSE_PX)
-                        x[i] += ox[i], y[i] += oy[i], far = true;
-                if (!far) break;
-            }
-            for (std::size_t i = 0; i < SIDE_BY_SIDE; ++i) out[n + i] = {x[i] * fx_ + cx_, y[i] * fy_ + cy_};
-        }
-        for (; n < count; ++n) out[n] = ideal(px[n]);
+        for (; n + SIDE_BY_SIDE <= count; n += SIDE_BY_SIDE) straighten<SIDE_BY_SIDE>(px + n, out + n);
+        for (; n < count; ++n) straighten<1>(px + n, out + n);
     }
 
     // A unit vector across a line at `px`, likewise; `at` is the ideal place of `px`.
@@ -98,6 +50,40 @@ class Lens {
     }
 
   private:
+    // Each of them stops by itself, so that the others do not matter.
+    template <std::size_t N>
+    void straighten(const Vec2* px, Vec2* out) const {
+        if (!bends_) {
+            std::copy(px, px + N, out);
+            return;
+        }
+        double u[N], v[N], x[N], y[N], off_x[N], off_y[N];
+        for (std::size_t i = 0; i < N; ++i) u[i] = x[i] = (px[i].x - cx_) / fx_, v[i] = y[i] = (px[i].y - cy_) / fy_;
+        const auto [k1, k2, p1, p2, k3] = terms_;
+        for (int step = 0; step < 5; ++step)
+            for (std::size_t i = 0; i < N; ++i) {
+                const double a = x[i], b = y[i];
+                const double r2 = a * a + b * b, stretch = 1 + ((k3 * r2 + k2) * r2 + k1) * r2;
+                const double dx = 2 * p1 * a * b + p2 * (r2 + 2 * a * a), dy = p1 * (r2 + 2 * b * b) + 2 * p2 * a * b;
+                x[i] = stretch > 0 ? (u[i] - dx) / stretch : a;  // beyond what the lens can show
+                y[i] = stretch > 0 ? (v[i] - dy) / stretch : b;
+            }
+        for (int step = 0; step < MORE_STEPS; ++step) {  // that leaves up to 0.1 px in the corners of a wide lens
+            for (std::size_t i = 0; i < N; ++i) {
+                const double a = x[i], b = y[i];
+                const double r2 = a * a + b * b, stretch = 1 + ((k3 * r2 + k2) * r2 + k1) * r2;
+                off_x[i] = u[i] - (a * stretch + 2 * p1 * a * b + p2 * (r2 + 2 * a * a));
+                off_y[i] = v[i] - (b * stretch + p1 * (r2 + 2 * b * b) + 2 * p2 * a * b);
+            }
+            bool far = false;
+            for (std::size_t i = 0; i < N; ++i)
+                if (std::abs(off_x[i]) * fx_ > CLOSE_PX || std::abs(off_y[i]) * fy_ > CLOSE_PX)
+                    x[i] += off_x[i], y[i] += off_y[i], far = true;
+            if (!far) break;
+        }
+        for (std::size_t i = 0; i < N; ++i) out[i] = {x[i] * fx_ + cx_, y[i] * fy_ + cy_};
+    }
+
     static constexpr std::size_t SIDE_BY_SIDE = 4;
     static constexpr int MORE_STEPS = 20;
     static constexpr double CLOSE_PX = 1e-6;
