@@ -247,13 +247,20 @@ class Localiser:
 
     # ---- seeing ----
 
-    def update(self, snapshot: Snapshot, report: DepthReport) -> Pose:
-        """Take in what was made of the frame last moved to; the camera's pose on the map."""
+    def update(self, snapshot: Snapshot, report: DepthReport, distracted: bool = False) -> Pose:
+        """Take in what was made of the frame last moved to; the camera's pose on the map.
+
+        Parameters
+        ----------
+        distracted : something that moves fills much of the picture: what turns there need not be the robot.
+        """
         self.jump_cm = 0.0
         known = {r for r, d in report.regions.items() if d.moving}
         if known:
             self._refuse(known)
-        self._turn_as_seen(report.motion)
+        if distracted:
+            self._odd = ()
+        self._turn_as_seen(None if distracted else report.motion)
         if self._since_cm < STEP_CM and self._since_rad < STEP_RAD:
             return self.pose()
         self._since_cm = self._since_rad = 0.0

@@ -20,6 +20,7 @@ from host.nav.config import BodyConfig, NavConfig
 from host.nav.delay import Delay
 from host.nav.localise import Localiser
 from host.nav.map import ObstacleMap
+from host.nav.mover import Mover
 from host.nav.odometry import Odometry, WheelReading, body_of
 from host.nav.stand import Standing
 from host.nav.task import Task
@@ -28,6 +29,7 @@ from host.rbdn import Net, NetConfig, Snapshot
 
 FADE_CM = 20.0  # a correction of the pose by so much leaves 1/e of the map's evidence
 NEW_MAP_CM = 60.0  # and after one by so much nothing is where it was
+DISTRACTS_CM, DISTRACTS_S = 60.0, 3.0  # what moves is so near then, and was seen no longer ago
 SPACING_PX = 5.0  # of the outline samples, at least: every thing is measured again a moment later
 
 
@@ -83,11 +85,13 @@ class Pilot:
         self.localiser = Localiser(body, lens)
         self.map = ObstacleMap(body, nav)
         self._lens, self._task, self._body = lens, task, body
+        self._edge = float(lens.to_rays(np.array([[lens.width - 1.0, lens.cy]]))[0, 0])  # x/z of its border
         depth = replace(depth, outline_spacing_px=max(depth.outline_spacing_px, SPACING_PX))
         self._configs = net, depth, nav
         self._net = Net(net, lens)
         self._depth = Estimator(lens, depth)
         self._last_rotation: np.ndarray | None = None
+        self._distracted = False  # by something that moved in the last picture
 
     def hear(self, reading: WheelReading) -> None:
         """Take one wheel reading; readings out of order are ignored."""
@@ -109,7 +113,7 @@ class Pilot:
             depths = self._depth.update(snapshot, smooth)
         with stages.of("localise"):
             self.delay.learn(smooth, depths.motion, self.odometry, self.localiser)
-            pose = self.localiser.update(snapshot, depths)
+            pose = self.localiser.update(snapshot, depths, self._distracted)
             self._move_map()
             here = self.localiser.ahead_of(self.odometry.pose_at(now_s))
         with stages.of("map"):
@@ -117,6 +121,7 @@ class Pilot:
             self.map.stand_on(x, z)
             self.map.update(snapshot, depths, pose, self._lens, frame.image)
         moving = tuple(rays for one in self.map.movers if (rays := one.seen_between(pose)) is not None)
+        self._distracted = any(self._is_distracted_by(one, pose) for one in self.map.movers)
         with stages.of("steer"):
             command = self._task.decide(self.map, here)
         standing = () if self.map.sight is None else self.map.sight.standing
@@ -148,6 +153,13 @@ class Pilot:
             self.map = ObstacleMap(self._body, self.map.config)
         elif jump_cm > self.map.config.cell_cm:
             self.map.evidence *= math.exp(-jump_cm / FADE_CM)
+
+    def _is_distracted_by(self, mover: Mover, pose: Pose) -> bool:
+        """Whether something that moves may fill so much of the picture that it looks like a turn."""
+        if pose.t_s - mover.t_s > DISTRACTS_S or mover.nearest_cm(pose) > DISTRACTS_CM:
+            return False
+        between = mover.seen_between(pose)
+        return between is not None and between[0] < self._edge and between[1] > -self._edge
 
     def _turned(self, pose: Pose) -> np.ndarray | None:
         """Rotation since the last frame, by the wheels."""

@@ -24,3 +24,14 @@ def test_the_robot_reaches_the_goal_of_a_room_and_touches_nothing(seed: int, tmp
     assert result["collisions"] == 0
     assert result["min_clearance_cm"] > 0
     assert result["final_pose_error"]["position_cm"] < 5.0
+
+
+def test_what_goes_by_right_before_the_camera_does_not_turn_the_robots_map(tmp_path: Path):
+    out = tmp_path / "result.json"
+    command = [sys.executable, str(ROOT / "host" / "nav_loop.py"), "--no-view", "--json", str(out)]
+    world = ["--camera", "sim:clutter?seed=32&movers=1&rough=1", "--robot", "sim:?seed=38&rough=1"]
+    limits = ["--max-time", "17", "--max-wall", "500"]  # it goes by after 15 s, and fills half of the picture
+    run = subprocess.run([*command, *world, *limits], cwd=tmp_path, capture_output=True, timeout=600)
+    assert run.returncode == 0, run.stderr
+    result = json.loads(out.read_text())
+    assert abs(result["final_pose_error"]["heading_deg"]) < 5.0

@@ -86,6 +86,8 @@ class Robotic:
         self.moving: set[int] = set()  # pillars that are said to move
         self.turn_seen_rad: float | None = None  # how far off turns are that the net saw; None: it sees none
         self.turn_sigma_rad = 5e-4  # and how far off the net believes them to be
+        self.looks_like_rad_s = 0.0  # how fast something that fills the picture goes to the side
+        self.distracted = False  # by that
         self.earlier: list[tuple[float, float, float]] = []  # time, true heading, heading told
         self.t_s = 0.0
         self.errors: list[float] = []
@@ -131,6 +133,7 @@ class Robotic:
         told, since = heading_of(smooth), []
         for before_s, true, told_before in self.earlier:
             yaw = (self.true[2] - true) - (told - told_before) + self.rng.normal(0.0, self.turn_seen_rad)
+            yaw += self.looks_like_rad_s * (self.t_s - before_s)
             since.append(Correction(before_s, yaw, self.turn_sigma_rad, 0.0, 1.0))
         self.earlier = [*self.earlier[-2:], (self.t_s, self.true[2], told)]
         return SolvedMotion(smooth, 0.0, 0.0, 0.0, tuple(since))
@@ -153,7 +156,8 @@ class Robotic:
         contour = Contour(none, none, ids, ids, empty, empty)
         snapshot = Snapshot(0, tuple(regions), Vertices(ids, none, empty), contour, (), 1, 0.0, 0.0)
         smooth = self.localiser.move(self.camera(self.thought))
-        pose = self.localiser.update(snapshot, DepthReport(still, nothing, self.motion(smooth)))
+        report = DepthReport(still, nothing, self.motion(smooth))
+        pose = self.localiser.update(snapshot, report, self.distracted)
         truth, wheels = self.camera(self.true), self.camera(self.thought)
         off = pose.position_cm - truth.position_cm
         self.errors.append(float(np.linalg.norm(off)))
@@ -443,6 +447,19 @@ def test_after_a_wheel_slipped_the_heading_is_the_one_that_the_net_saw(turned, s
     assert abs(off) < 0.02
     assert robot.localiser.wheel_ratio[0] == pytest.approx(0.0, abs=0.003)  # it is no wheel's size
     assert robot.localiser.sigma[1] > abs(off) / 2
+
+
+@pytest.mark.parametrize("looks", [0, 2])
+def test_what_moves_before_the_camera_is_no_turn_of_the_robot(looks: int):
+    robot = Robotic([], 0.0, 0.0)
+    robot.turn_seen_rad = 0.001
+    robot.drive(60.0, 0.0)
+    robot.looks_like_rad_s = -0.3
+    robot.drive(looks * 2 * FRAME_S * SPEED_CM_S, 0.0)
+    robot.distracted = True
+    robot.drive(20.0, 0.0)
+    assert abs(wrap(heading_of(robot.localiser.pose()) - robot.true[2])) < 0.02
+    assert robot.localiser.wheel_ratio[0] == pytest.approx(0.0, abs=0.003)
 
 
 def test_a_slip_that_nobody_saw_is_made_up_for_by_what_was_known_before():
