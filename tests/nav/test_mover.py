@@ -40,6 +40,19 @@ def seen(until_s: float, left: float, right: float, noise_cm: float = 0.5) -> Mo
     return movers
 
 
+def test_a_shadow_that_goes_with_it_is_not_where_it_has_been():
+    movers = Movers()
+    for k in range(45):
+        t_s, x = k / 15, 20.0 * k / 15 - 40.0
+        movers.forget(t_s)
+        for region, at in ((3, x), (9, x + 20.0)):  # of what is in view of both, the shadow comes later
+            if region == 3 or k > 15:
+                ray = at / math.hypot(at, LINE_Z), LINE_Z / math.hypot(at, LINE_Z)
+                movers.note(region, Sight(t_s, at, LINE_Z, ray, LINE_Z), (20.0, 0.0), 8.0)
+    (mover,) = movers.sure
+    assert x_of(mover, mover.been_cm[1]) == pytest.approx(x, abs=4.0)
+
+
 def x_of(mover: Mover, on_line: float) -> float:
     return mover.origin_cm[0] + on_line * mover.ahead[0]
 
