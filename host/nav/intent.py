@@ -72,6 +72,8 @@ class Plan:
     hidden_from: tuple[float, float] | None = None
     stuck: Stuck | None = None
     lost_s: float | None = None  # since when there has been no way
+    back_from: tuple[float, float] | None = None  # where it began to step back from what covers the goal
+    stepped_back: bool = False  # it has done so, and does it no more
     set_down: bool = True  # by somebody who has looked around it
     begun: bool = False  # the first steps, which nothing but the view ahead guides, are made
     start: tuple[float, float] | None = None  # where the axle's middle stood at the first decision

@@ -7,18 +7,21 @@ from dataclasses import replace
 
 import numpy as np
 
-from host.nav.ahead import LEAST_ROOM_CM, ONTO_BLIND_CM, look_ahead
+from host.nav.ahead import LEAST_ROOM_CM, ONTO_BLIND_CM, brakeable_cm_s, look_ahead
 from host.nav.aim import SIDE_STEP_RAD
 from host.nav.command import Command, by_degrees, turn_rad_s
 from host.nav.config import NavConfig
 from host.nav.intent import Plan, Stuck
 from host.nav.map import ObstacleMap
 from host.nav.plan import tightest
+from host.nav.stand import AT_BORDER
+from host.nav.yielding import BACK_CM_S
 from host.pose import bearing, wrap
 
 FACE_RAD = math.radians(25)  # of a goal that something covers, before that is believed
 SEEN_FROM_CM = 60.0  # a goal that is covered is believed to be from here
 BELIEVE_S = 1.5  # and so long it is looked at
+STEP_BACK_CM = 30.0  # from there the camera sees what was below its picture
 GLANCE_CM = 35.0  # it looks at all such floor within this: the camera sees what is farther on the way
 IN_VIEW, IN_VIEW_S = 0.4, 0.8  # X/Z up to which a place is well in view; hidden if not seen in so long
 NEXT_CM = 2.5  # or this far aside
@@ -103,6 +106,21 @@ def turn_all_round(
     return Command(0.0, turn_rad_s, f"looking around for another {left:.0f} deg: no way on"), plan
 
 
+def step_back(
+    plan: Plan, obstacle_map: ObstacleMap, here: tuple[float, float], heading: float
+) -> tuple[Command | None, Plan]:
+    """Back from what covers the goal with its foot below the picture; no command: far enough, or shut."""
+    config = obstacle_map.config
+    assert plan.back_from is not None
+    behind = look_ahead(obstacle_map, *here, wrap(heading + math.pi))
+    open_cm = min(behind.room_cm, behind.unseen_cm) - config.clearance_cm
+    left_cm = STEP_BACK_CM - math.dist(plan.back_from, here)
+    v = min(BACK_CM_S, brakeable_cm_s(config, min(open_cm, left_cm)))
+    if v <= 1.0:
+        return None, replace(plan, back_from=None, made_s=-math.inf, lost_s=None)
+    return Command(-10 * v, 0.0, "stepping back to see what covers the goal"), plan
+
+
 def no_way(
     plan: Plan, t_s: float, heading: float, obstacle_map: ObstacleMap, here: tuple[float, float], goal_cm
 ) -> tuple[Command, Plan]:
@@ -112,7 +130,7 @@ def no_way(
     if to_edge < tightest(obstacle_map) - config.goal_tolerance_cm:
         reason = f"blocked: the goal is {to_edge:.0f} cm from the edge of the map; set nav.map_half_cm"
         return Command(0.0, 0.0, reason, "blocked"), plan
-    covered = _cover_of(obstacle_map, goal_cm)
+    covered, below = _cover_of(obstacle_map, goal_cm)
     away = math.dist(here, goal_cm)
     if covered is not None and away < config.goal_tolerance_cm + 2 * body.radius_cm + SEEN_FROM_CM:
         error = wrap(bearing(here, goal_cm) - heading)
@@ -123,6 +141,12 @@ def no_way(
                 0.0, math.copysign(config.turn_rad_s, error), f"turn to the goal: {covered} covers it"
             )
             return turn, replace(plan, lost_s=t_s)
+        if below and not plan.stepped_back:
+            plan = replace(plan, back_from=here, stepped_back=True)
+            back, plan = step_back(plan, obstacle_map, here, heading)
+            if back is not None:
+                return back, plan
+            plan = replace(plan, lost_s=lost)
         reason = f"the goal is covered by {covered}, {away - body.radius_cm:.0f} cm from the rim"
         if t_s - lost < BELIEVE_S:
             return Command(0.0, 0.0, f"stop: {reason}"), plan
@@ -130,8 +154,11 @@ def no_way(
     return _look_around(plan, t_s, heading, obstacle_map, here)
 
 
-def _cover_of(obstacle_map: ObstacleMap, goal_cm: tuple[float, float]) -> str | None:
-    """What leaves no room for the robot within the tolerance of the goal, in words; None where there is."""
+def _cover_of(obstacle_map: ObstacleMap, goal_cm: tuple[float, float]) -> tuple[str | None, bool]:
+    """What leaves no room for the robot within the tolerance of the goal, in words; None where there is.
+
+    And whether its foot is below the picture, so that nobody knows where it stands, or if it does.
+    """
     config = obstacle_map.config
     reach = config.goal_tolerance_cm + config.cell_cm / 2
     steps = np.arange(-reach, reach + 1e-9, config.cell_cm)
@@ -142,14 +169,15 @@ def _cover_of(obstacle_map: ObstacleMap, goal_cm: tuple[float, float]) -> str | 
     window = slice(max(0, row - n), row + n + 1), slice(max(0, col - n), col + n + 1)
     rows, cols = np.nonzero(obstacle_map.lasting[window])
     if len(rows) == 0:
-        return None
+        return None, False
     rows, cols = rows + window[0].start, cols + window[1].start
     filled = np.column_stack([obstacle_map.centres_cm[cols], obstacle_map.centres_cm[rows]])
     gaps = np.hypot(*(np.add(goal_cm, offsets)[:, None] - filled[None]).transpose(2, 0, 1))
     if float(gaps.min(axis=1).max()) >= tightest(obstacle_map) + config.cell_cm / 2:
-        return None
+        return None, False
     k = int(np.hypot(*(filled - goal_cm).T).argmin())
-    return str(obstacle_map.obstacle_at(int(rows[k]), int(cols[k])) or "something remembered")
+    thing = obstacle_map.obstacle_at(int(rows[k]), int(cols[k]))
+    return str(thing or "something remembered"), thing is not None and thing.how == AT_BORDER
 
 
 def _look_around(

@@ -14,7 +14,7 @@ from host.nav.aim import meant, planned
 from host.nav.command import Command, by_degrees, turn_rad_s
 from host.nav.give_way import RENEW_S, Held, cross_over, give_way, up_to
 from host.nav.intent import Glance, Plan
-from host.nav.look import get_unstuck, glance_aside, hide, no_way, turn_all_round
+from host.nav.look import get_unstuck, glance_aside, hide, no_way, step_back, turn_all_round
 from host.nav.map import ObstacleMap
 from host.nav.odometry import body_of
 from host.pose import Pose, bearing, wrap
@@ -93,6 +93,10 @@ def _go(
             return command, plan
     if plan.glance is not None:
         command, plan = glance_aside(plan, obstacle_map, t_s, here, heading)
+        if command is not None:
+            return command, plan
+    if plan.back_from is not None:
+        command, plan = step_back(plan, obstacle_map, here, heading)
         if command is not None:
             return command, plan
     if plan.cross is None:

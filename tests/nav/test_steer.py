@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from host.nav.ahead import ONTO_BLIND_CM, look_ahead, speed_ahead
 from host.nav.config import BodyConfig, NavConfig
 from host.nav.intent import Plan
+from host.nav.look import STEP_BACK_CM
 from host.nav.map import FREE, LIMIT, LOOKED_OVER, OCCUPIED, Obstacle, ObstacleMap
 from host.nav.mover import Mover, Sight
 from host.nav.odometry import body_of, heading_of
@@ -336,6 +337,27 @@ def test_a_covered_goal_is_called_blocked_by_what_covers_it_without_looking_all_
     assert command.outcome == "blocked"
     assert "the goal is covered by region 9" in command.reason
     assert t < 12.0
+
+
+def test_from_a_goal_covered_by_what_is_below_the_picture_it_steps_back_once_to_see_it():
+    floor = open_floor()
+    put(floor, -60, 62, 60, 120, region=9)
+    floor.obstacles[9] = replace(floor.obstacles[9], how=AT_BORDER)
+    plan, z, goal = Plan(begun=True), 39.5, (0, 90)
+    command, plan = decide(plan, floor, camera(0, z, 0, 0.0), goal)
+    for k in range(1, 200):
+        if command.v_mm_s >= 0:
+            break
+        assert command.reason == "stepping back to see what covers the goal"
+        z += command.v_mm_s / 200
+        command, plan = decide(plan, floor, camera(0, z, 0, 0.05 * k), goal)
+    assert 0.0 < z - (39.5 - STEP_BACK_CM) < 5.0
+
+    command, _ = decide(replace(plan, made_s=-math.inf), floor, camera(0, 39.5, 0, 20.0), goal)
+    assert command.v_mm_s == 0 and "covered by region 9" in command.reason  # no second time
+    floor.evidence[floor.evidence > 0.0] = 2 * FREE  # from there it sees that nothing stands there
+    command, _ = decide(replace(plan, made_s=-math.inf), floor, camera(0, z, 0, 20.0), goal)
+    assert command.v_mm_s > 0
 
 
 def test_a_goal_too_near_the_edge_of_the_map_is_called_blocked_by_the_edge():
