@@ -8,6 +8,7 @@ evidence fades with time.
 from __future__ import annotations
 
 import math
+from collections import deque
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -43,6 +44,7 @@ MEMORY_CM = 1500.0  # evidence fades to 1/e over so much travel
 MEMORY_RAD = 30.0  # or so much turning
 DRIFT = 0.02  # of the way gone since a thing was seen, its place may be off by
 TURNS_RAD_S = 0.2  # who turns faster finds nothing new that moves
+TURNS_OVER_S = 0.25  # taken over so long: from picture to picture the heading jitters
 RESTLESS = 8  # pictures that show something move nobody knows where to, until that is believed
 LEFT = -0.6  # log-odds of the floor that something left
 MOVER_CM = 30.0  # what stands no farther from where a mover should be, in its direction, is it
@@ -99,6 +101,7 @@ class ObstacleMap:
         self.centres_cm = (np.arange(side) + 0.5) * config.cell_cm - self._half
         self._gone_cm = 0.0
         self._last: tuple[float, float, float, float] | None = None  # time, x, z, heading
+        self._headings: deque[tuple[float, float]] = deque()  # of the last while, with their times
         self.floor = FloorFinder(body.camera_height_cm)
         self.sight: Sight | None = None  # of the newest frame
 
@@ -345,7 +348,7 @@ class ObstacleMap:
         if self._last is not None:
             last_s, last_x, last_z, last_heading = self._last
             turn = math.remainder(heading - last_heading, 2 * math.pi)
-            turns = abs(turn) > TURNS_RAD_S * max(t_s - last_s, 1e-3)
+            turns = self._turns(t_s, heading)
             age = max(0.0, t_s - last_s) / self.config.memory_s
             gone_cm = math.hypot(x - last_x, z - last_z)
             self._gone_cm += gone_cm
@@ -356,6 +359,16 @@ class ObstacleMap:
         self._tracks.forget(t_s, turns)
         self._restless = {k: count for k, count in self._restless.items() if count}
         self._front_cm = {k: front for k, front in self._front_cm.items() if k in self.obstacles}
+
+    def _turns(self, t_s: float, heading: float) -> bool:
+        """Whether the robot turns, over more than one picture: between two its heading jitters."""
+        headings = self._headings
+        headings.append((t_s, heading))
+        while len(headings) > 2 and t_s - headings[1][0] >= TURNS_OVER_S:
+            headings.popleft()
+        since_s, before = headings[0]
+        turned = abs(math.remainder(heading - before, 2 * math.pi))
+        return turned > TURNS_RAD_S * max(t_s - since_s, 1e-3)
 
     # ---- the grid ----
 

@@ -114,6 +114,16 @@ def test_what_only_seems_to_move_while_the_robot_turns_is_not_taken_for_a_mover(
     assert box_map.obstacles[10].moving is moves
 
 
+def test_a_heading_that_jitters_from_picture_to_picture_is_no_turn():
+    world, box_map = PlanarWorld([BOX]), fresh()
+    snapshot, _ = world.see()
+    found = {r.id: RegionDepth(90.0, 1.0, "area", None, moving=r.id == 10) for r in snapshot.regions}
+    for k in range(RESTLESS + 1):
+        pose = Pose.planar(*world.camera_xz(), math.radians(1.0) * (k % 2), t_s=k / 20)
+        box_map.update(snapshot, DepthReport(found, NO_VERTICES), pose, LENS)
+    assert box_map.obstacles[10].moving
+
+
 @pytest.mark.parametrize("depth", [50.0, 160.0])
 def test_where_depth_and_foot_contradict_each_other_the_nearer_one_counts(depth):
     obstacle = look(PlanarWorld([BOX]), fresh(), {10: (depth, 1.0)}).obstacles[10]
