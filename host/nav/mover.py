@@ -36,6 +36,7 @@ MISFIT_CM = 5.0  # of the middle one of the sights off a motion, above which the
 RECENT_S, LEAST_RECENT = 1.0, 4  # or of so many of the newest
 STRAYS = 2  # so many of the farthest sights may be of something else
 GUESSED_CM = 90.0  # where it turned out of sight is believed up to so far beyond where it has been
+LEAST_CM_S = 5.0  # slower than any motion that is seen to be one: on the whole it stands
 UNKNOWN_CM_S = 20.0  # as fast may go what was hardly seen to go at all
 BEYOND_CM = 80.0  # so far beyond where it has been it may go
 SEEN_BESIDE = 0.1  # x/z: its shadow, and what the net makes one region with it
@@ -45,7 +46,8 @@ REMEMBERED_S = 32.0  # out of sight, it is reckoned with for so long
 BRIEFLY_S = 3.0  # if that was seen only a few times,
 HARDLY_S = 8.0  # and if it was seen to go hardly any way: nobody knows where to
 NAMELESS = -2  # no region has this number
-FORESEEN_S = 40.0  # if it is known where it turns round, on both sides
+ASTRAY_S = 40.0  # if it is known where it turns round, on both sides, but it is not where it should be,
+FORESEEN_S = 80.0  # and so long where nothing says that it goes no longer to and fro
 
 
 @dataclass(frozen=True)
@@ -124,13 +126,20 @@ class Mover:
         return self.missed >= MISSED
 
     @property
+    def goes(self) -> bool:
+        """Its sights are of something that goes; of what stands, edges that wander fit no speed."""
+        return abs(self.speed_cm_s) >= LEAST_CM_S
+
+    @property
     def lasts_s(self) -> float:
         """So long after it was last seen it is reckoned with."""
         if not self.certain:
             return BRIEFLY_S
         if self.gone_cm < LONG_CM:
             return HARDLY_S
-        return REMEMBERED_S if self.low_cm is None or self.high_cm is None else FORESEEN_S
+        if self.low_cm is None or self.high_cm is None:
+            return REMEMBERED_S
+        return ASTRAY_S if self.lost else FORESEEN_S
 
     @cached_property
     def been_cm(self) -> tuple[float, float]:

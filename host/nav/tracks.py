@@ -38,7 +38,7 @@ HALF_CM = 9.0  # of something of which only one edge was ever seen
 HIDES = 0.96  # what is nearer than this part of its distance hides a part of a thing
 LEAST_COLUMNS = 3
 CONFIRMED = 3  # even motions one after the other, until it counts as a mover
-LINE_S = 45.0  # where it would be looked for if it came back
+LINE_S = 85.0  # where it would be looked for if it came back
 NEAR_CM = 60.0  # the foot of what stands nearer may be below the picture
 ABOUT_CM = 8.0  # it is then taken for the mover that should be so near to there
 BESIDE_CM = 25.0  # the same mover comes back on its line, off by so much
@@ -165,13 +165,14 @@ class Movers:
     @property
     def sure(self) -> list[Mover]:
         """What surely moves, also if it is out of sight."""
-        return [m for m in self._all if m.seen >= CONFIRMED and self._t_s - m.t_s < m.lasts_s]
+        return [m for m in self._all if m.goes and m.seen >= CONFIRMED and self._t_s - m.t_s < m.lasts_s]
 
     def velocity(self, region: int, t_s: float) -> tuple[float, float] | None:
         """(x, z) in cm/s of a region that was lately seen to move; of what surely does, not so lately."""
         for mover in self._all:
             held_s = LONG_HELD_S if mover.certain else HELD_S
-            if mover.region == region and mover.seen >= CONFIRMED and t_s - mover.named_s < held_s:
+            called = mover.region == region and t_s - mover.named_s < held_s
+            if called and mover.goes and mover.seen >= CONFIRMED:
                 return mover.velocity_cm_s
         return None
 

@@ -95,6 +95,29 @@ def test_it_is_remembered_for_a_while_and_then_no_more():
     assert movers.sure == []
 
 
+@pytest.mark.parametrize("missed", [False, True])
+def test_known_to_go_to_and_fro_it_is_remembered_for_long_unless_it_was_seen_not_to_be_there(missed):
+    """Forgotten after 40 s it was run into, where the way led along its line."""
+    until = 22.0
+    movers = seen(until, -60, 60)
+    for _ in range(12 if missed else 0):
+        movers.look_for(until + 1.0, lambda places, half_cm: np.ones(len(places), bool))
+    movers.forget(until + 60.0)
+    assert len(movers.sure) == (0 if missed else 1)
+
+
+def test_what_seems_to_go_and_gets_nowhere_is_no_mover():
+    """The edge of a wall passed by wandered; the robot stepped back from that into what truly moved."""
+    rng, movers = np.random.default_rng(1), Movers()
+    for k in range(60):
+        t_s = k / 15
+        movers.forget(t_s)
+        place = Sight(t_s, 20.0 * rng.random(), LINE_Z, (0.0, 1.0), LINE_Z)
+        movers.note(3, place, (7.0, 0.0), 8.0)
+    assert movers._all[0].seen > 20 and movers._all[0].gone_cm > 15.0
+    assert movers.sure == [] and movers.velocity(3, t_s) is None
+
+
 def test_a_glance_that_showed_it_move_only_once_or_twice_is_soon_forgotten():
     movers = seen(0.3, -60, 60)
     (mover,) = movers.sure
