@@ -47,6 +47,7 @@ TURNS_RAD_S = 0.2  # who turns faster finds nothing new that moves
 TURNS_OVER_S = 0.25  # taken over so long: from picture to picture the heading jitters
 RESTLESS = 8  # pictures that show something move nobody knows where to, until that is believed
 LEFT = -0.6  # log-odds of the floor that something left
+KNOWN_CM = 50.0  # of its line on which what moves may be; on more, its place is better told by the picture
 MOVER_CM = 30.0  # what stands no farther from where a mover should be, in its direction, is it
 PASSED_S = 3.0  # where it was seen not longer ago than this nothing else stands
 BRIEF = 2.0  # what moves, and what nobody knows the place of, never counts for more
@@ -294,10 +295,15 @@ class ObstacleMap:
         return self._restless[region_id]
 
     def _mover_near(self, feet: Feet, pose: Pose) -> tuple[Mover, np.ndarray] | None:
-        """The nearest mover whose foot may be below the picture, and in which columns (W / 2,)."""
+        """The nearest mover whose foot may be below the picture, and in which columns (W / 2,).
+
+        Only where its place is known better than a foot below the picture tells it.
+        """
         near = []
         for mover in self.movers:
-            seen = mover.seen_between(pose) if mover.certain and not mover.lost else None
+            low, high = mover.reach(np.array([pose.t_s]))
+            known = mover.certain and not mover.lost and high[0] - low[0] < KNOWN_CM
+            seen = mover.seen_between(pose) if known else None
             if seen is not None and (gap := mover.nearest_cm(pose)) < feet.nearest_cm + MOVER_CM:
                 near.append((gap, mover, (feet.across > seen[0]) & (feet.across < seen[1])))
         return min(near, key=lambda one: one[0])[1:] if near else None

@@ -14,6 +14,7 @@ from host.depth.report import DepthReport, RegionDepth, VertexDepths
 from host.nav.config import BodyConfig, NavConfig
 from host.nav.floor import FloorFinder
 from host.nav.map import FREE, LOOKED, OCCUPIED, RESTLESS, ObstacleMap
+from host.nav.mover import Mover, Sight
 from host.nav.picture import Picture, rays_of
 from host.nav.stand import AT_BORDER, Feet, hangs_over, nearest_slope, stand_of
 from host.pose import Pose
@@ -456,6 +457,20 @@ def test_what_appears_with_its_foot_below_the_picture_is_filled_within_two_frame
     assert border_map.evidence[cell] > OCCUPIED
     look(PlanarWorld([]), border_map)
     assert not border_map.evidence[cell] > OCCUPIED
+
+
+@pytest.mark.parametrize(("unseen_s", "filled"), [(0.1, False), (4.0, True)])
+def test_what_hides_below_the_picture_is_a_mover_only_where_that_surely_is(unseen_s, filled):
+    """Taken for one that could be anywhere on a metre it stood nowhere, and the robot drove into it."""
+    near_map = look(PlanarWorld([]), fresh())
+    sights = tuple(Sight(0.1 * k, 1.5 * k - 15.0, 30.0, (0.0, 1.0), 30.0) for k in range(21))
+    mover = Mover(7, 2.0, (0.0, 30.0), (1.0, 0.0), 15.0, 15.0, 8.0, sights, (0.0, -15.0), seen=20)
+    snapshot, _ = PlanarWorld([Box(-8 if filled else 8, 20, 8 if filled else 24, 40, 60)]).see()
+    for k in range(2):
+        near_map.movers = [mover]
+        pose = Pose.planar(0, 0, 0, t_s=2.0 + unseen_s + k / 30)
+        near_map.update(snapshot, DepthReport({}, NO_VERTICES), pose, LENS)
+    assert (near_map.evidence[near_map.cell_of(0 if filled else 16, 30)] > OCCUPIED) == filled
 
 
 def test_what_stands_below_the_picture_is_filled_also_where_it_comes_into_view_later():
