@@ -20,6 +20,7 @@ WORTH_CM = 300.0  # so much way is worth as much as never having time, or plenty
 STEP_CM = 6.0
 BEYOND_CM = 40.0  # of where it turns round: there nobody needs to wait
 ACROSS_CM = 10.0  # beyond its line a crossing ends
+SPARE_CM = 12.0  # and there may be room for so much more: what stands there may be nearer than it seems
 
 Place = tuple[float, float]
 
@@ -69,10 +70,12 @@ def best_crossing(
         time = min(PLENTY, _away_s(mover, at, keep) / _takes_s(keep, config))
         cost = way + WORTH_CM * (1.0 - time / PLENTY)
         worth[cost] = (float(begin[0]), float(begin[1])), (float(end[0]), float(end[1]))
-    for cost in sorted(worth):
-        begin, end = worth[cost]
-        if is_open(begin, end) and (math.dist(here, begin) < STEP_CM or is_open(here, begin)):
-            return Crossing(begin, end, math.atan2(end[0] - begin[0], end[1] - begin[1]))
+    for spare in (SPARE_CM, 0.0):
+        for cost in sorted(worth):
+            begin, end = worth[cost]
+            beyond = end[0] - spare * float(normal[0]), end[1] - spare * float(normal[1])
+            if is_open(begin, beyond) and (math.dist(here, begin) < STEP_CM or is_open(here, begin)):
+                return Crossing(begin, end, math.atan2(end[0] - begin[0], end[1] - begin[1]))
     return None
 
 

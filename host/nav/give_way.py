@@ -14,7 +14,7 @@ from host.nav.config import NavConfig
 from host.nav.crossing import Crossing, best_crossing
 from host.nav.intent import Cross, Plan, Wait
 from host.nav.map import ObstacleMap
-from host.nav.mover import Mover
+from host.nav.mover import LONG_CM, Mover
 from host.nav.odometry import body_of
 from host.nav.plan import room_around
 from host.nav.yielding import (
@@ -148,9 +148,11 @@ def cross_over(
         if math.dist(here, cross.crossing.end) < THERE_CM:
             return None, replace(plan, cross=None, made_s=-math.inf, way=None, aim=None)
         if not held.stands:
-            return None, plan
+            return None, plan if _may_go_on(cross, obstacle_map, here) else _by_the_map(plan, t_s)
         cross = None
     if cross is not None and cross.there and held.verdict is None:
+        if not _may_go_on(cross, obstacle_map, here):
+            return None, _by_the_map(plan, t_s)
         return None, replace(plan, cross=replace(cross, under_way=True), piece_from=here)
     if cross is None or ((cross.there or held.stands) and t_s - cross.found_s > RENEW_S):
         found = _best_crossing(obstacle_map, here)
@@ -204,10 +206,28 @@ def _to_its_line(held: Held, t_s: float, here: tuple[float, float], heading: flo
     return bearing(here, (x, z))
 
 
+def _may_go_on(cross: Cross, obstacle_map: ObstacleMap, here: tuple[float, float]) -> bool:
+    """Whether a crossing still leads out of all lines, and is open; once in one the robot must get out."""
+    end, keep = cross.crossing.end, obstacle_map.body.radius_cm + BERTH_CM
+    gaps = np.array([one.least_gap_cm(np.array([here, end])) for one in obstacle_map.movers])
+    if gaps[:, 0].min() < keep:
+        return True
+    out = gaps[:, 1].min() > keep
+    return bool(out) and is_clear(obstacle_map, room_around(obstacle_map), here, end, over_unseen=True)
+
+
+def _by_the_map(plan: Plan, t_s: float) -> Plan:
+    """Without a crossing: that is shut, and for a while another one will be too."""
+    plan = replace(plan, cross=None, no_cross_s=t_s + RENEW_S)
+    return replace(plan, made_s=-math.inf, way=None, aim=None, piece_from=None)
+
+
 def _best_crossing(obstacle_map: ObstacleMap, here: tuple[float, float]) -> Crossing | None:
     """Of the line of what moves nearest."""
     near = {k: float(one.least_gap_cm(np.array([here]))[0]) for k, one in enumerate(obstacle_map.movers)}
     mover = obstacle_map.movers[min(near, key=lambda k: (not obstacle_map.movers[k].certain, near[k]))]
+    if mover.gone_cm < LONG_CM:  # nobody knows yet which way is across
+        return None
     room = room_around(obstacle_map)
 
     def is_open(start: tuple[float, float], end: tuple[float, float]) -> bool:

@@ -86,15 +86,18 @@ def _against(
     config: NavConfig,
     t_s: float,
     after: np.ndarray,
-    ways: list[np.ndarray],
+    ways: list[tuple[np.ndarray, bool]],
 ) -> Verdict | None:
     here = np.array([course.here])
-    driving = min(float(mover.gap_cm(way, t_s + after).min()) for way in ways) - body.radius_cm
+    driving = min(float(mover.gap_cm(way, t_s + after).min()) for way, _ in ways) - body.radius_cm
+    off = float(mover.least_gap_cm(here)[0]) - body.radius_cm
+    if off >= ON_LINE_CM:  # who would be held up in its line does not set out
+        stuck = [float(mover.least_gap_cm(way[-1:])[0]) for way, held_up in ways if held_up]
+        driving = min([driving, *(gap - body.radius_cm for gap in stuck)])
     if driving > course.berth_cm:
         return None
-    off = float(mover.least_gap_cm(here)[0]) - body.radius_cm
     if off < ON_LINE_CM:
-        leave = _way_out(mover, course, body, t_s, after[after <= LEAVE_S], ways[0])
+        leave = _way_out(mover, course, body, t_s, after[after <= LEAVE_S], ways[0][0])
         if leave is not None:
             return Verdict(mover, 0.0, leave)
     steps = np.arange(0.0, FAR_CM, LOOK_CM)
@@ -128,8 +131,13 @@ def _way_out(
     return best if best != 0 else None
 
 
-def _driven(course: Course, config: NavConfig, after: np.ndarray, part: float) -> np.ndarray:
-    """Where the robot is at times from now on if it goes its way, at this part of the speed it is told."""
+def _driven(
+    course: Course, config: NavConfig, after: np.ndarray, part: float
+) -> tuple[np.ndarray, bool]:
+    """Where the robot is at times from now on if it goes its way, at this part of the speed it is told.
+
+    And whether it ends where something holds it up, before all that it means to pass.
+    """
     x, z = course.here
     heading, v, gone = course.heading, course.v_cm_s, 0.0
     points = list(course.points)
@@ -158,7 +166,7 @@ def _driven(course: Course, config: NavConfig, after: np.ndarray, part: float) -
                 room = gone
                 step = 0.0
         x, z, gone = x + step * math.sin(heading), z + step * math.cos(heading), gone + step
-    return np.array(places)
+    return np.array(places), bool(points) and gone >= room
 
 
 def unknown_mover(

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from host.nav.config import BodyConfig, NavConfig
 from host.nav.give_way import Held, cross_over
-from host.nav.intent import Plan
+from host.nav.crossing import Crossing
+from host.nav.intent import Cross, Plan
 from host.nav.map import ObstacleMap
 from host.nav.mover import Mover, Sight
 from host.nav.yielding import Verdict
@@ -53,3 +55,45 @@ def test_who_may_go_on_has_not_stood():
     obstacle_map = ObstacleMap(BodyConfig(), NavConfig())
     _, plan = cross_over(Plan(shut_s=1.0), Held(None), obstacle_map, 9.0, HERE, 0.0)
     assert plan.shut_s is None
+
+
+def crossing(z_cm: float, wall_z: float, gone_cm: float = 40.0, plan: Plan | None = None) -> Cross | None:
+    """What becomes of the crossing of a line by who stands so far on, with a wall behind that."""
+    obstacle_map = ObstacleMap(BodyConfig(), NavConfig())
+    obstacle_map.evidence[:] = -4.0
+    obstacle_map.evidence[np.abs(obstacle_map.centres_cm - wall_z) < 8.0] = 4.0
+    part = gone_cm / 20
+    sights = tuple(Sight(0.1 * k, part * (k - 20), LINE_Z, (0.0, 1.0), LINE_Z) for k in range(21))
+    mover = Mover(7, 2.0, (0.0, LINE_Z), (1.0, 0.0), 0.0, 20.0, 8.0, sights, (0.0, -gone_cm), seen=20)
+    obstacle_map.movers = [mover]
+    held = Held(None, Verdict(mover, 0.0) if plan is None else None)
+    _, plan = cross_over(plan or Plan(), held, obstacle_map, 2.5, (0.0, z_cm), 0.0)
+    return plan.cross
+
+
+ACROSS = Cross(Crossing((0.0, 6.0), (0.0, LINE_Z + 34.0), 0.0), 2.0, there=True, under_way=True)
+UNDER_WAY, AT_ITS_BEGIN = Plan(cross=ACROSS), Plan(cross=replace(ACROSS, under_way=False))
+
+
+@pytest.mark.parametrize(("wall_z", "goes"), [(400.0, True), (LINE_Z + 50.0, False)])
+def test_nobody_sets_out_across_to_where_something_stands_by_now(wall_z, goes):
+    cross = crossing(6.0, wall_z, plan=AT_ITS_BEGIN)
+    assert (cross is not None and cross.under_way) == goes
+
+
+@pytest.mark.parametrize(
+    ("wall_z", "z_cm", "goes"), [(400.0, 40.0, True), (125.0, 40.0, False), (125.0, 60.0, True)]
+)
+def test_who_is_not_in_the_line_yet_gives_up_a_crossing_that_is_shut(wall_z, z_cm, goes):
+    assert (crossing(z_cm, wall_z, plan=UNDER_WAY) is not None) == goes
+
+
+def test_a_crossing_that_no_longer_leads_out_of_the_line_is_given_up():
+    """The line was first seen for a moment, and askew: the robot went along it, and into what came."""
+    short = replace(ACROSS, crossing=Crossing((0.0, 6.0), (0.0, LINE_Z), 0.0))
+    assert crossing(30.0, 400.0, plan=Plan(cross=short)) is None
+
+
+@pytest.mark.parametrize(("gone_cm", "crosses"), [(40.0, True), (10.0, False)])
+def test_before_it_is_known_which_way_it_goes_nobody_crosses_its_line(gone_cm, crosses):
+    assert (crossing(0.0, 400.0, gone_cm) is not None) == crosses
