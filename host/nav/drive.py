@@ -16,13 +16,14 @@ from host.link.protocol import Fault, State
 from host.link.robot import Robot
 from host.nav.command import Command
 from host.nav.config import NavConfig
-from host.nav.odometry import WheelReading
+from host.nav.odometry import WheelReading, body_of
 from host.nav.pace import Pace
 from host.nav.pilot import Pilot, Stages, View
 from host.nav.result import DriveLog, Lateness, LostAndFound
 from host.nav.slip import WheelWatch
 from host.nav.trace import Took, damaged
 from host.nav.watch import FrameWatch
+from host.nav.yielding import leads_into_a_line
 from host.pose import Pose
 
 PICTURE_S = 0.07  # without a new picture for this long the wheels are steered on by the last one
@@ -375,7 +376,11 @@ class _Trip:
         if self.came_from is None or not (hidden or doubt.startswith("wheels slip")):
             return 0.0
         came_cm = math.dist(self.came_from.position_cm, view.dead_reckoning.position_cm)
-        return min(BACK_OFF_CM, max(0.0, came_cm - SLIPPED_CM))
+        back_cm = min(BACK_OFF_CM, max(0.0, came_cm - SLIPPED_CM))
+        body = self.pilot.map.body
+        x, z, heading = body_of(view.pose, body.camera_ahead_cm)
+        is_shut = leads_into_a_line(self.pilot.map.movers, (x, z), heading, back_cm, body.radius_cm)
+        return 0.0 if is_shut else back_cm
 
     def _back_off(self, view: View) -> Command:
         """Straight back the way it came, and then a stop to see everything anew."""

@@ -169,6 +169,15 @@ def _driven(
     return np.array(places), bool(points) and gone >= room
 
 
+def leads_into_a_line(
+    movers: Sequence[Mover], here: tuple[float, float], heading: float, back_cm: float, radius_cm: float
+) -> bool:
+    """Whether so far straight back the robot would stand in the line of something that moves."""
+    back = here[0] - back_cm * math.sin(heading), here[1] - back_cm * math.cos(heading)
+    gaps = [mover.least_gap_cm(np.array([here, back])) - radius_cm for mover in movers]
+    return any(bool(end < min(BERTH_CM, start)) for start, end in gaps)
+
+
 def unknown_mover(
     obstacles: Sequence[Obstacle],
     movers: Sequence[Mover],

@@ -8,7 +8,7 @@ import pytest
 from host.nav.config import BodyConfig, NavConfig
 from host.nav.crossing import Place, best_crossing
 from host.nav.mover import Mover, Sight
-from host.nav.yielding import Course, judge
+from host.nav.yielding import Course, judge, leads_into_a_line
 
 LINE_Z = 100.0
 SIGHTS = tuple(Sight(0.1 * k, 2.0 * k - 60.0, LINE_Z, (0.0, 1.0), LINE_Z) for k in range(61))
@@ -54,3 +54,11 @@ def test_who_would_be_held_up_in_its_line_does_not_set_out(room_cm, goes):
     assert (verdict is None) == goes
     if verdict is not None:
         assert verdict.leave == 0 and verdict.room_cm < np.hypot(0.0, 20.0)
+
+
+@pytest.mark.parametrize(("heading_deg", "shut"), [(0.0, True), (180.0, False)])
+def test_who_looks_anew_after_slipping_does_not_step_back_into_a_line(heading_deg, shut):
+    """It had just crossed it, and went back into what came."""
+    here = (0.0, LINE_Z + 8.0 + 12.0 + 5.0)
+    assert leads_into_a_line([MOVER], here, np.radians(heading_deg), 20.0, 12.0) == shut
+    assert not leads_into_a_line([], here, np.radians(heading_deg), 20.0, 12.0)
