@@ -56,8 +56,8 @@ class FloorFinder:
         self.foot, self.strange = np.empty(0, int), np.empty(0, bool)
 
     def is_floor(self, region_id: int) -> bool:
-        """Floor and nothing else."""
-        return self._votes.get(region_id, 0.0) > 0.0 and region_id not in self._mixed
+        """Floor and nothing else; what reaches above the horizon is none, though it may have a floor's name."""
+        return self._votes.get(region_id, 0.0) > 0.0 and region_id not in self._crossing
 
     def is_mixed(self, region_id: int) -> bool:
         """Floor and something else in one region."""
@@ -104,7 +104,7 @@ class FloorFinder:
         of_column = np.minimum(np.arange(picture.shape[0]) // STRIP, len(strips) - 1)
         bottom_rgb = strips[:, :WINDOW].mean(axis=1)[of_column]
         ids = picture.ids.tolist()
-        proven = [self._votes.get(i, 0.0) > 0.4 and i not in self._mixed for i in ids]
+        proven = [self.is_floor(i) and self._votes[i] > 0.4 for i in ids]
         sure = np.array(proven)[picture.labels[:, 0]]
         if self._mixed:
             horizon = picture.rays.steeper(self._height_cm / FARTHEST_CM)

@@ -229,6 +229,20 @@ def test_what_lies_far_off_does_not_teach_the_floors_colour_while_a_wall_is_one_
         assert k < 8 or rug_map.floor.is_mixed(WALL_ID)
 
 
+def test_a_wall_that_kept_the_name_of_the_floor_that_was_one_region_with_it_is_no_floor():
+    """The robot once approached such a wall until it touched it."""
+    together = np.full((LENS.height, LENS.width), FLOOR_ID)
+    apart = together.copy()
+    apart[190:] = 10  # the floor alone, under a new name
+    wall_map = fresh()
+    for k in range(8):
+        snapshot, pose = of_labels(together if k < 4 else apart), Pose.planar(0, 0, 0, t_s=k / 10)
+        wall_map.update(snapshot, DepthReport({}, NO_VERTICES), pose, LENS)
+    assert not wall_map.floor.is_floor(FLOOR_ID)
+    foot_cm = 15.0 * LENS.fy / (189.5 - LENS.cy)
+    assert wall_map.obstacles[FLOOR_ID].depth_cm == pytest.approx(foot_cm, rel=0.1)
+
+
 def test_contradictory_evidence_wins_within_a_few_frames():
     box_map = look(PlanarWorld([BOX]), fresh(), {10: (90.0, 0.9)})
     cell = box_map.cell_of(0, 92)
