@@ -56,7 +56,7 @@ class FloorFinder:
         self.foot, self.strange = np.empty(0, int), np.empty(0, bool)
 
     def is_floor(self, region_id: int) -> bool:
-        """Floor and nothing else; what reaches above the horizon is none, though it may have a floor's name."""
+        """Floor and nothing else; what reaches above the horizon is none, whatever its name once was."""
         return self._votes.get(region_id, 0.0) > 0.0 and region_id not in self._crossing
 
     def is_mixed(self, region_id: int) -> bool:
