@@ -15,6 +15,7 @@ from host.nav.config import NavConfig
 from host.nav.map import FREE, LOOKED, OCCUPIED, Obstacle, ObstacleMap
 from host.nav.plan import tightest
 from host.nav.stand import AT_BORDER
+from host.pose import wrap
 
 SURE_SIGMAS = 2.0  # an obstacle may be nearer than measured by so many of its sigmas
 ONTO_BLIND_CM = 3.0  # the rim goes no farther onto floor it never looked at
@@ -90,6 +91,12 @@ def _room_on_map(obstacle_map: ObstacleMap, x: float, z: float, heading: float) 
         if abs(part) > 1e-9
     ]
     return min(ways)
+
+
+def room_behind_cm(obstacle_map: ObstacleMap, x: float, z: float, heading: float) -> float:
+    """How far the robot may go straight back, over floor that was seen; the clearance is left."""
+    behind = look_ahead(obstacle_map, x, z, wrap(heading + math.pi))
+    return min(behind.room_cm, behind.unseen_cm) - obstacle_map.config.clearance_cm
 
 
 def brakeable_cm_s(config: NavConfig, distance_cm: float) -> float:

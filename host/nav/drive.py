@@ -370,7 +370,10 @@ class _Trip:
             self.came_from = None
 
     def _may_back_off(self, view: View, doubt: str) -> float:
-        """How far it has come straight to where its wheels slip or most floor is hidden; else 0."""
+        """How far it has come straight to where its wheels slip or most floor is hidden; else 0.
+
+        And 0 where something that moves may come by there.
+        """
         sight = self.pilot.map.sight
         hidden = sight is not None and float(sight.feet.cut.mean()) > HIDDEN_SHARE
         if self.came_from is None or not (hidden or doubt.startswith("wheels slip")):

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from host.nav.ahead import SURE_SIGMAS, Ahead, brakeable_cm_s, look_ahead, speed_ahead
+from host.nav.ahead import SURE_SIGMAS, Ahead, brakeable_cm_s, look_ahead, room_behind_cm, speed_ahead
 from host.nav.aim import is_clear
 from host.nav.command import Command, turn_rad_s
 from host.nav.config import NavConfig
@@ -81,12 +81,11 @@ def give_way(
     movers, things = obstacle_map.movers, list(obstacle_map.obstacles.values())
     if movers:
         ahead = look_ahead(obstacle_map, x, z, heading)
-        behind = look_ahead(obstacle_map, x, z, wrap(heading + math.pi))
         crosses = cross is not None and (cross.there or cross.under_way)
         passing = ahead.obstacle is not None and (ahead.obstacle.moving or (crosses and ahead.brief))
         open_ahead = passing or (ahead.obstacle is None and not ahead.edge)
         room = math.inf if open_ahead else ahead.room_cm - config.clearance_cm
-        back = min(behind.room_cm, behind.unseen_cm) - config.clearance_cm
+        back = room_behind_cm(obstacle_map, x, z, heading)
         sure = ahead.room_cm - SURE_SIGMAS * ahead.sigma_cm
         fast = math.inf if passing else sure if crosses else min(sure, ahead.unseen_cm)  # beyond, it creeps
         berth = CROSSING_BERTH_CM if cross is not None and cross.under_way else BERTH_CM

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from host.nav.ahead import LEAST_ROOM_CM, ONTO_BLIND_CM, brakeable_cm_s, look_ahead
+from host.nav.ahead import LEAST_ROOM_CM, ONTO_BLIND_CM, brakeable_cm_s, look_ahead, room_behind_cm
 from host.nav.aim import SIDE_STEP_RAD
 from host.nav.command import Command, by_degrees, turn_rad_s
 from host.nav.config import NavConfig
@@ -112,8 +112,7 @@ def step_back(
     """Back from what covers the goal with its foot below the picture; no command: far enough, or shut."""
     config = obstacle_map.config
     assert plan.back_from is not None
-    behind = look_ahead(obstacle_map, *here, wrap(heading + math.pi))
-    open_cm = min(behind.room_cm, behind.unseen_cm) - config.clearance_cm
+    open_cm = room_behind_cm(obstacle_map, *here, heading)
     left_cm = STEP_BACK_CM - math.dist(plan.back_from, here)
     v = min(BACK_CM_S, brakeable_cm_s(config, min(open_cm, left_cm)))
     if v <= 1.0:

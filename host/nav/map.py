@@ -301,9 +301,10 @@ class ObstacleMap:
         """
         near = []
         for mover in self.movers:
+            if not mover.certain or mover.lost:
+                continue
             low, high = mover.reach(np.array([pose.t_s]))
-            known = mover.certain and not mover.lost and high[0] - low[0] < KNOWN_CM
-            seen = mover.seen_between(pose) if known else None
+            seen = mover.seen_between(pose) if high[0] - low[0] < KNOWN_CM else None
             if seen is not None and (gap := mover.nearest_cm(pose)) < feet.nearest_cm + MOVER_CM:
                 near.append((gap, mover, (feet.across > seen[0]) & (feet.across < seen[1])))
         return min(near, key=lambda one: one[0])[1:] if near else None

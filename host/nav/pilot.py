@@ -120,12 +120,13 @@ class Pilot:
             x, z, _ = body_of(here, self._body.camera_ahead_cm)
             self.map.stand_on(x, z)
             self.map.update(snapshot, depths, pose, self._lens, frame.image)
-        moving = tuple(rays for one in self.map.movers if (rays := one.seen_between(pose)) is not None)
-        self._distracted = any(self._is_distracted_by(one, pose) for one in self.map.movers)
+        moving = [(one, rays) for one in self.map.movers if (rays := one.seen_between(pose)) is not None]
+        self._distracted = any(self._is_distracted_by(one, rays, pose) for one, rays in moving)
         with stages.of("steer"):
             command = self._task.decide(self.map, here)
         standing = () if self.map.sight is None else self.map.sight.standing
-        return View(frame, pose, odometry, snapshot, depths, command, stages.ms, smooth, standing, moving)
+        shown = tuple(rays for _, rays in moving)
+        return View(frame, pose, odometry, snapshot, depths, command, stages.ms, smooth, standing, shown)
 
     def decide(self, now_s: float) -> Command:
         """The command for ``now_s`` without a new frame: the robot is further on, the map as it was."""
@@ -154,12 +155,11 @@ class Pilot:
         elif jump_cm > self.map.config.cell_cm:
             self.map.evidence *= math.exp(-jump_cm / FADE_CM)
 
-    def _is_distracted_by(self, mover: Mover, pose: Pose) -> bool:
+    def _is_distracted_by(self, mover: Mover, between: tuple[float, float], pose: Pose) -> bool:
         """Whether something that moves may fill so much of the picture that it looks like a turn."""
-        if pose.t_s - mover.t_s > DISTRACTS_S or mover.nearest_cm(pose) > DISTRACTS_CM:
-            return False
-        between = mover.seen_between(pose)
-        return between is not None and between[0] < self._edge and between[1] > -self._edge
+        inside = between[0] < self._edge and between[1] > -self._edge
+        lately = pose.t_s - mover.t_s <= DISTRACTS_S
+        return inside and lately and mover.nearest_cm(pose) <= DISTRACTS_CM
 
     def _turned(self, pose: Pose) -> np.ndarray | None:
         """Rotation since the last frame, by the wheels."""

@@ -192,9 +192,9 @@ class Movers:
                 and abs(cosine) > math.cos(LIKE_RAD)
                 and low[0] - BESIDE_CM < at < high[0] + BESIDE_CM
             )
-            if same and mover.region != region and place.t_s - mover.named_s < MISSED_S:
-                if not _should_be(mover, place):  # its shadow goes with it
-                    return
+            named = mover.region != region and place.t_s - mover.named_s < MISSED_S
+            if same and named and not _should_be(mover, place):  # its shadow goes with it
+                return
             if same or (not mover.understood and mover.region == region and place.t_s - mover.t_s < 0.5):
                 now = replace(mover.told(place, region, half_cm, cosine < 0), seen=mover.seen + 1)
                 self._all[k] = now

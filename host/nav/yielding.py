@@ -131,9 +131,7 @@ def _way_out(
     return best if best != 0 else None
 
 
-def _driven(
-    course: Course, config: NavConfig, after: np.ndarray, part: float
-) -> tuple[np.ndarray, bool]:
+def _driven(course: Course, config: NavConfig, after: np.ndarray, part: float) -> tuple[np.ndarray, bool]:
     """Where the robot is at times from now on if it goes its way, at this part of the speed it is told.
 
     And whether it ends where something holds it up, before all that it means to pass.

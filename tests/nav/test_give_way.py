@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from host.nav.config import BodyConfig, NavConfig
-from host.nav.give_way import Held, cross_over
 from host.nav.crossing import Crossing
+from host.nav.give_way import Held, cross_over
 from host.nav.intent import Cross, Plan
 from host.nav.map import ObstacleMap
 from host.nav.mover import Mover, Sight
