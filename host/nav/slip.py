@@ -28,7 +28,9 @@ LEAST_POINTS = 6
 LEAST_PX = 8.0  # expected way from which slipping can be told: depths may be wrong, and a pixel is nothing
 SIGMAS = 6.0  # and it must be this much longer than what the heading by the wheels may be off by
 SLIPS_BELOW = 0.5  # share of the expected way, of points that are known by name
+STANDS_PX, STANDS_BELOW = 1.0, 0.35  # and of shorter ways: no depths are so wrong that so little is left
 SHARE_SIGMA = 0.12  # how well it must be known
+TURN_RAD_PER_CM = 0.002  # may be unknown to the wheels: 3 % between their sizes
 POINT_PX = 1.0  # standard error of a point's way
 NOD_PX = 2.0  # and of the camera's pitch
 OFF_PX = 2.0  # points that are on the mean so far from any edge are not where they should be,
@@ -41,6 +43,8 @@ AT_ONCE_PX = 20.0  # by this much
 ASTRAY_PX = 25.0  # or that many since a while ago
 AGREE_SHARE = 0.75  # of the points went astray in one way; where a region changed its shape they scatter
 STRANGE_PX = 10.0  # ways that differ by more than this from what is expected,
+LOST_SHARE = 1 / 3  # of the points that are due, found: the others are lost, if the robot turns by less than
+LOST_TURN_PX = 5.0  # from picture to picture; a moment of poor sight loses them too, but changes no picture
 RECENT = 4  # and by more than any way expected in so many pictures, are no error of the wheels or of times
 SAME_SHARE = 0.7  # of the picture shows the same regions as the last one; less is another place
 SAME_LEVELS = 20.0  # a region's colour changes by less, 0 to 255
@@ -141,19 +145,21 @@ class WheelWatch:
     def __init__(self, lens: Lens):
         self._lens = lens
         self._from: _Points | None = None  # where ways begin
+        self._halfway: _Points | None = None  # where the next ways begin once these are too long
         self._last: _Points | None = None
         self._small: np.ndarray | None = None
         self._moved = np.zeros(SMALL[0], bool)  # its columns in which something moved
         self._strange_ones = 0  # pictures in a row
+        self._lost: list[float] = []  # shares of the last pictures that changed while points were lost
         self._slip_looks = 0  # in a row
         self._regions: dict[int, Region] = {}
         self._expected_px: deque[float] = deque(maxlen=RECENT)
 
     def forget(self) -> None:
         """Begin anew with the next picture."""
-        self._from = self._last = self._small = None
+        self._from = self._halfway = self._last = self._small = None
         self._strange_ones = self._slip_looks = 0
-        self._regions = {}
+        self._lost, self._regions = [], {}
 
     def doubt(self, view: View) -> str | None:
         """What speaks against the wheels, in one line; None where nothing does."""
@@ -167,17 +173,30 @@ class WheelWatch:
         if begin is None or last is None or now.pose.t_s - last.pose.t_s > WINDOW_S:
             self._from, self._slip_looks = now, 0
             return None
-        if now.pose.t_s - begin.pose.t_s > WINDOW_S:
-            begin, self._from, self._slip_looks = last, last, 0
+        begin = self._begin(begin, last, now)
         found = self._other(changed, last.pose, now.pose)
         calm = not self._moved.any()  # else it may be what moves that is another region now
         if changed > SOME_SHARE and calm:  # or else it is the net that sees the same differently
             found = found or self._elsewhere(before, regions, last.pose, now.pose)
         short = ways_between(last, now, self._lens)
         found = found or self._strange(short, last, now)
+        found = self._gone(short, changed if calm else 0.0, last.pose, now.pose) or found
         long = short if begin is last else ways_between(begin, now, self._lens)
         found = found or self._astray(long, begin, now)
         return found or self._slips(long, begin, now, view.snapshot.contour)
+
+    def _begin(self, begin: _Points, last: _Points, now: _Points) -> _Points:
+        """The picture that ways begin in: half a window ago or more, where there is such a one."""
+        halfway = self._halfway
+        if halfway is not None and halfway.pose.t_s <= begin.pose.t_s:
+            halfway = None
+        if now.pose.t_s - begin.pose.t_s > WINDOW_S:
+            begin = self._from = halfway or last
+            halfway, self._slip_looks = None, 0
+        if halfway is None and last.pose.t_s - begin.pose.t_s >= WINDOW_S / 2:
+            halfway = last
+        self._halfway = halfway
+        return begin
 
     def _elsewhere(
         self, before: dict[int, Region], regions: dict[int, Region], last: Pose, now: Pose
@@ -244,6 +263,19 @@ class WheelWatch:
             return None
         return f"picture moved {ways.strange_px:.0f} px otherwise than the wheels: pushed, lifted or slipping"
 
+    def _gone(self, ways: _Ways, changed: float, last: Pose, now: Pose) -> str | None:
+        """Points that are due are lost, picture after picture, and what the pictures show changes."""
+        turned_px = abs(wrap(heading_of(now) - heading_of(last))) * self._lens.fx
+        due = np.count_nonzero(ways.inside)
+        lost = due >= LEAST_POINTS and len(ways.found) <= LOST_SHARE * due and turned_px <= LOST_TURN_PX
+        self._lost = [*self._lost, changed][-STRANGE_PICTURES:] if lost else []
+        if len(self._lost) < STRANGE_PICTURES or sum(self._lost) < SOME_SHARE:
+            return None
+        return (
+            f"picture shows another place: of {due} points {len(ways.found)} are left though the wheels hardly "
+            "turned; lifted or carried away, or the camera was hit"
+        )
+
     def _astray(self, ways: _Ways, begin: _Points, now: _Points) -> str | None:
         """The same over a longer while, in which little adds up."""
         if len(ways.found) < LEAST_POINTS:
@@ -257,13 +289,20 @@ class WheelWatch:
         """Are points, or at least the edges, where they were and not where the wheels would have them?"""
         heading_px = self._heading_px(begin, now)
         if len(ways.found) >= LEAST_POINTS:
-            if ways.expected_px < LEAST_PX:
+            if ways.expected_px < STANDS_PX:
                 return None
-            share, sigma = ways.share(heading_px)
+            way_cm = math.dist(begin.pose.position_cm, now.pose.position_cm)
+            unknown_px = self._lens.fx * TURN_RAD_PER_CM * way_cm
+            share, sigma = ways.share(math.hypot(heading_px, unknown_px))
             if sigma > SHARE_SIGMA:
                 return None
             shown = f"of the way they count the picture shows {100 * max(0.0, share):.0f} %"
-            return self._surely(share + 3 * sigma <= SLIPS_BELOW, shown, now)
+            if ways.expected_px >= LEAST_PX:
+                return self._surely(share + 3 * sigma <= SLIPS_BELOW, shown, now)
+            if abs(share) + 3 * sigma <= STANDS_BELOW:
+                return self._surely(True, shown, now)
+            self._slip_looks = 0
+            return None
         inside, rays = ways.inside, ways.rays
         if inside.sum() < LEAST_POINTS:
             self._from = now

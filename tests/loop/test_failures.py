@@ -147,10 +147,29 @@ def hold(body, for_s: float) -> None:
     body._left.roll = held
 
 
+def hold_once_it_steps_back(body, after_s: float, for_s: float) -> list[int]:
+    """A hand on the left wheel, a while after it was driven backwards; when, in us, comes into the list."""
+    roll, backwards_us, held_us = body._left.roll, [], []
+
+    def held(duty: float, voltage: float, start_us: int) -> float:
+        if duty < 0.0:
+            backwards_us.append(start_us)
+        if not held_us and backwards_us and start_us >= backwards_us[0] + round(1e6 * after_s):
+            held_us.append(start_us)
+        if held_us and start_us < held_us[0] + round(1e6 * for_s):
+            body._left.speed_cm_s = 0.0
+            return 0.0
+        return roll(duty, voltage, start_us)
+
+    body._left.roll = held
+    return held_us
+
+
 def test_between_slow_pictures_it_waits_and_steps_back_too_until_a_wheel_is_held():
     watched = Watched("sim:room?seed=3&fps=6", {FROM_S: lambda body: body.slip(1.0, 1.0, 2.0)})
-    watched._todo[8.0] = lambda body: hold(body, 1.0)
+    held_us = hold_once_it_steps_back(watched.simulation.body, 0.5, 1.0)
     log, _ = run(watched.simulation, camera=watched, max_time_s=13.0)
+    until_s = 1e-6 * held_us[0]
     times = {
         words: [watched.way[0][0] + one.t_s for one in log.decisions if words in one.reason]
         for words in ("waiting for", "stepping back", "is a wheel held")
@@ -158,8 +177,8 @@ def test_between_slow_pictures_it_waits_and_steps_back_too_until_a_wheel_is_held
     waits_s, back_s, held_s = (min(times[words]) for words in times)
     assert waits_s + 1.0 < back_s < held_s, times
     assert watched.wheels_stood(waits_s + 0.5, back_s)
-    back = [(x, z) for t, x, z, _ in watched.way if back_s <= t <= 8.0]
-    assert watched.went_cm(back_s, 8.0) < 1.001 * math.dist(back[0], back[-1])  # and does not turn
+    back = [(x, z) for t, x, z, _ in watched.way if back_s <= t <= until_s]
+    assert watched.went_cm(back_s, until_s) < 1.001 * math.dist(back[0], back[-1])  # and does not turn
     assert max(times["stepping back"]) < held_s
     assert watched.simulation.body.collisions == 0
 

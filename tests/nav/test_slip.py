@@ -54,3 +54,55 @@ def test_a_push_is_noticed_in_whichever_picture_it_comes(pushed_at):
     said = [watch.doubt(one) for one in looks]
     assert said[:-1] == [None] * pushed_at
     assert "otherwise than the wheels" in said[-1]
+
+
+def test_wheels_that_slip_at_a_creep_are_found_out_though_hardly_a_pixel_of_way_is_due():
+    watch, creep_cm = WheelWatch(LENS), 0.4  # every 0.1 s; the points are a metre away
+    slips_at = 24
+    looks = [look(k, creep_cm * min(k, slips_at), every_cm=creep_cm) for k in range(slips_at + 16)]
+    said = [watch.doubt(one) for one in looks]
+    assert said[: slips_at + 3] == [None] * (slips_at + 3)
+    assert any(why is not None and "wheels slip" in why for why in said)
+
+
+@pytest.mark.parametrize("depths_off", [0.5, 0.7, 1.5])
+def test_depths_that_are_far_off_make_no_slip_of_a_creep(depths_off):
+    watch, creep_cm = WheelWatch(LENS), 0.4
+    for k in range(40):
+        one = look(k, creep_cm * k, every_cm=creep_cm)
+        one.depths.vertices.xyz_cm = depths_off * one.depths.vertices.xyz_cm
+        assert watch.doubt(one) is None
+
+
+def test_wheels_three_percent_apart_do_not_slip():
+    """The robot goes on a curve that its wheels know nothing of: points on one side stay where they were."""
+    watch = WheelWatch(LENS)
+    points = np.array([[x, y, 150.0] for x in (24.0, 27.0, 30.0) for y in (-4.0, 0.0, 4.0)])
+    for k in range(30):
+        one, way_cm = look(k, 0.0), EVERY_CM * k
+        heading = 0.03 / 15.0 * way_cm  # the track is 15 cm
+        c, s = np.cos(heading), np.sin(heading)
+        x, y, z = (points - (0.0, 0.0, way_cm)).T
+        ahead = s * x + c * z
+        one.snapshot.vertices = SimpleNamespace(
+            ids=np.arange(len(points)),
+            xy_px=np.column_stack([LENS.fx * (c * x - s * z) / ahead + LENS.cx, LENS.fy * y / ahead + LENS.cy]),
+            sigma_px=np.full(len(points), 0.1),
+        )
+        known = SimpleNamespace(xyz_cm=np.column_stack([x, y, z]), sigma_cm=np.full(len(points), 1.0))
+        one.depths.vertices = known
+        assert watch.doubt(one) is None, k
+
+
+@pytest.mark.parametrize(("bright", "found"), [(90, False), (140, True)], ids=["points flicker", "all is new"])
+def test_points_that_are_lost_while_the_picture_changes_tell_another_place(bright, found):
+    watch, said = WheelWatch(LENS), []
+    for k in range(10):
+        one = look(k, EVERY_CM * k)
+        lost = k >= 5
+        one.snapshot.vertices.ids = np.arange(len(POINTS)) + 100 * k * lost
+        if lost and k % 2:
+            one.frame.image[:, :80] = bright
+        said.append(watch.doubt(one))
+    assert any("another place" in why for why in said if why) == found
+    assert not any(said[:6])
