@@ -17,6 +17,7 @@ from host.nav.intent import Glance, Plan
 from host.nav.look import get_unstuck, glance_aside, hide, no_way, step_back, turn_all_round
 from host.nav.map import ObstacleMap
 from host.nav.odometry import body_of
+from host.nav.stand import AT_BORDER
 from host.pose import Pose, bearing, wrap
 
 TURN_FROM_RAD = math.radians(18)  # off the aim by more than this: turn in place
@@ -24,7 +25,8 @@ TURN_TO_RAD = math.radians(2.5)
 BEND_RAD_S = 0.25  # most a straight piece may bend
 FIRST_CM = 5.0  # straight ahead before anything else: nothing has a depth yet
 FIRST_ROOM_CM = 20.0  # if there is this much room
-FIRST_LEAST_ROOM_CM = 10.0  # or this much where nobody set it down: standing it tells floor from nothing
+FIRST_LEAST_CM = 2.5  # so far where nobody set it down: who stopped there kept the clearance, and no more
+FIRST_LEAST_ROOM_CM = 10.0  # and if there is this much: standing it tells floor from nothing
 ALL_ROUND_RAD = math.radians(150)
 GLANCE_FROM_CM = 10.0  # before a piece with floor never looked at within this it looks there
 SET_DOWN_CM = 20.0  # so much room about its rim has who sets it down
@@ -59,10 +61,12 @@ def decide(
                 obstacle_map.set_down(x, z, SET_DOWN_CM)
             plan = replace(plan, start=(x, z))
         ahead = look_ahead(obstacle_map, x, z, heading)
-        first = math.dist(plan.start or (x, z), (x, z)) < FIRST_CM
-        room = FIRST_ROOM_CM if plan.set_down else FIRST_LEAST_ROOM_CM
+        most, room = (FIRST_CM, FIRST_ROOM_CM) if plan.set_down else (FIRST_LEAST_CM, FIRST_LEAST_ROOM_CM)
+        first = math.dist(plan.start or (x, z), (x, z)) < most
         v = min(config.creep_cm_s, speed_ahead(ahead, obstacle_map)[0])
-        if first and ahead.room_cm > room and v > 0.0 and not held.stands:
+        thing = ahead.obstacle  # with its foot below the picture it may stand right at the rim
+        hidden = not plan.set_down and thing is not None and thing.how == AT_BORDER
+        if first and ahead.room_cm > room and v > 0.0 and not held.stands and not hidden:
             reason = f"creep: first steps to give depth its baseline, {ahead.room_cm:.0f} cm free ahead"
             return Command(10 * v, 0.0, reason), plan
         plan = replace(plan, begun=True)

@@ -146,6 +146,31 @@ def test_where_nobody_set_it_down_the_first_steps_end_where_it_never_looked():
     assert 2.0 < z < blind_cm + ONTO_BLIND_CM + 0.1
 
 
+def first_steps_cm(room_cm: float | None, how: str = AT_BORDER) -> float:
+    """How far it goes before it turns elsewhere where nobody set it down; something stands so far on."""
+    floor, plan, z = ObstacleMap(BODY, CONFIG), Plan(set_down=False), 0.0
+    if room_cm is not None:
+        put(floor, -20, BODY.radius_cm + room_cm, 20, BODY.radius_cm + room_cm + 20)
+        floor.obstacles[7] = replace(floor.obstacles[7], how=how)
+    for k in range(40):
+        floor.stand_on(0, z)
+        command, plan = decide(plan, floor, camera(0, z, 0, 0.05 * k), (200, 0))
+        if command.v_mm_s <= 0:
+            break
+        z += 0.005 * command.v_mm_s
+    return z
+
+
+def test_where_nobody_set_it_down_the_first_steps_are_less_than_the_clearance_that_it_stopped_with():
+    overrun_cm = 1.2  # until it stands
+    assert 2.0 < first_steps_cm(None) + overrun_cm <= CONFIG.clearance_cm + 0.1
+    assert first_steps_cm(17.0, "foot") > 2.0
+
+
+def test_where_nobody_set_it_down_no_step_leads_towards_what_has_its_foot_below_the_picture():
+    assert first_steps_cm(17.0) == 0.0
+
+
 def test_where_it_is_shut_in_right_at_the_rim_it_looks_all_round_once_and_says_why_it_ends():
     floor, heading, plan, t_s, command = open_floor(), 0.0, Plan(begun=True), 0.0, None
     for x, z in [(-5, 20), (-10, 15), (0, 20), (15, 0), (15, -10), (-5, -15), (-15, 0), (10, 15)]:
