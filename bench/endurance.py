@@ -30,6 +30,7 @@ if TYPE_CHECKING:  # so that --help need not wait for all of it
     from host.nav.task import Task
 
 EVERY_S = 60.0
+INSIDE_CM = 40.0  # goals lie so far within the edge of the map, for the robot to stand on it
 
 
 @dataclass(frozen=True)
@@ -110,7 +111,7 @@ class Endurance:
                 )  # fmt: skip
                 self._count(log, code)
                 # At the end of a route, or where it is blocked, look around anew from here.
-                goals = [] if goals or log.last_pose is None else to_and_fro(log)
+                goals = [] if goals or log.last_pose is None else to_and_fro(log, config.nav.map_half_cm)
             self._sample(console)
 
     def _look(self, view: View, log: DriveLog, console: Console) -> None:
@@ -153,17 +154,20 @@ def counts_of(log: DriveLog) -> dict[str, int]:
     }
 
 
-def to_and_fro(log: DriveLog) -> list[tuple[float, float]]:
+def to_and_fro(log: DriveLog, map_half_cm: float) -> list[tuple[float, float]]:
     """Ten times to the place of the path that is farthest from here, and back.
 
-    They are told as the next drive's pilot sees them, for whom the camera is at the origin now.
+    They are told as the next drive's pilot sees them, for whom the camera is at the origin now, and the map
+    reaches as far from there as it did before from elsewhere.
     """
     here = log.last_pose
     assert here is not None
     path = np.array([pose.position_cm for pose in log.path])
     local = (path - here.position_cm) @ here.rotation
-    ends = local[[int(np.argmax(np.hypot(local[:, 0], local[:, 2])))]]
-    far = (float(ends[0, 0]), float(ends[0, 2]))
+    on_map = np.abs(local[:, [0, 2]]).max(axis=1) < map_half_cm - INSIDE_CM
+    away = np.where(on_map, np.hypot(local[:, 0], local[:, 2]), 0.0)
+    end = local[int(np.argmax(away))]
+    far = (float(end[0]), float(end[2]))
     return [far, (0.0, 0.0)] * 10
 
 
