@@ -244,7 +244,7 @@ class _Trip:
             good_for_s = self.picture_s + self.config.frame_stale_s - asked_s  # the last one
             wait_s = max(LISTEN_S, good_for_s) if 0.0 < good_for_s < PICTURE_S else PICTURE_S
             try:
-                frame = self.camera.read(wait_s)
+                frame = self._await_frame(wait_s)
             except DeviceError as error:
                 early_s = wait_s - (self.clock.now_s() - asked_s)
                 why = str(error) if early_s > wait_s / 2 else None
@@ -263,6 +263,21 @@ class _Trip:
             self.last_seq, self.picture_s = frame.seq, frame.t_s
             self.log.frames += 1
             return frame, None
+
+    def _await_frame(self, wait_s: float) -> Frame | None:
+        """As the camera's `read`; what the wheels tell meanwhile is heard at once, and takes no time then."""
+        until_s = self.clock.now_s() + wait_s
+        while True:
+            asked_s = self.clock.now_s()
+            short_s = min(LISTEN_S, until_s - asked_s)
+            try:
+                return self.camera.read(short_s)
+            except DeviceError:
+                now_s = self.clock.now_s()
+                is_gone = now_s - asked_s < short_s / 2  # it did not even wait
+                if is_gone or now_s >= until_s:
+                    raise
+            self._listen()
 
     def _understand(self, frame: Frame, now_s: float) -> View | None:
         """What is made of a frame; None where that took so long that it is nothing to drive on any more."""

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from driving import TamperedCamera, run, stands, travel_cm
 
+from host.camera.frame import Frame
 from host.errors import EXIT_DEVICE, EXIT_DONE, EXIT_INTERRUPTED, EXIT_SAFETY, DeviceError
 from host.link.faults import Faults, FaultyLine
 from host.link.protocol import ResetCause
@@ -225,12 +226,43 @@ def test_a_robot_that_restarts_on_the_way_stands_and_then_goes_on_from_where_it_
     assert stands(simulation)
 
 
+def test_the_wheels_are_heard_while_the_next_picture_is_awaited():
+    """What they tell is then worked out before the picture comes, and not in the time until its command."""
+    simulation = Simulation("sim:room?seed=3")
+    line, camera = simulation.transport, simulation.camera
+    unheard: list[int] = []  # bytes on the line as pictures came
+    came = [False]
+
+    class Line:
+        write, close = line.write, line.close
+
+        def read(self) -> bytes:
+            data = line.read()
+            if came[0]:
+                unheard.append(len(data))
+                came[0] = False
+            return data
+
+    class Camera:
+        lens, close = camera.lens, camera.close
+
+        def read(self, timeout_s: float) -> Frame | None:
+            frame = camera.read(timeout_s)
+            came[0] = True
+            return frame
+
+    log, _ = run(simulation, line=Line(), camera=Camera(), max_time_s=3.0)
+    assert log.frames > 40
+    a_picture_bytes = 7 * 40  # of telemetry, at 15 pictures a second
+    assert np.mean(unheard) < a_picture_bytes / 4
+
+
 @pytest.mark.parametrize(
     "faults", [{"bit_error_rate": 1e-4}, {"drop": 0.1}], ids=["bit errors", "a tenth lost"]
 )
 def test_a_bad_line_stops_nothing_and_the_way_is_known_as_well(faults: dict[str, float]):
     simulation = Simulation("sim:room?seed=3")
-    line = FaultyLine(simulation.transport, simulation.clock, Faults(**faults), Faults(**faults), seed=2)
+    line = FaultyLine(simulation.transport, simulation.clock, Faults(**faults), Faults(**faults), seed=3)
     log, code = run(simulation, line=line, max_time_s=6.0)
     assert (log.outcome, code) == ("timeout", EXIT_DONE)
     assert (log.reconnections, log.faults_cleared, log.refused_frames) == ([], 0, 0)
