@@ -269,7 +269,7 @@ class _Trip:
         until_s = self.clock.now_s() + wait_s
         while True:
             asked_s = self.clock.now_s()
-            short_s = min(LISTEN_S, until_s - asked_s)
+            short_s = min(LISTEN_S, max(0.0, until_s - asked_s))  # listening may have waited a fault out
             try:
                 return self.camera.read(short_s)
             except DeviceError:

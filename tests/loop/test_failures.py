@@ -30,6 +30,7 @@ class Watched:
 
     def read(self, timeout_s: float):
         """A camera in between, called all the time."""
+        assert timeout_s >= 0.0
         now_s, body = self.simulation.clock.now_s(), self.simulation.body
         self.way.append((now_s, *body.axle[:2], max(map(abs, body.wheel_speeds_cm_s))))
         for time_s in [t for t in self._todo if now_s >= t]:
