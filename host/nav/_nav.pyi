@@ -78,15 +78,27 @@ def feet(
     farthest_cm: float,
     sigma_slope: float,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]: ...
-def along_edges(
+def stance(
     labels: np.ndarray,
     kind: int,
     slopes: np.ndarray,
     cut: np.ndarray,
     feet: np.ndarray,
     covered: np.ndarray,
+    across: np.ndarray,
+    height_cm: float,
     rms: float,
-) -> np.ndarray | None: ...
+) -> tuple[float, float, bool, tuple[float, float] | None, np.ndarray | None, bool, float]: ...
+def is_straight_wall(
+    labels: np.ndarray,
+    kind: int,
+    slopes: np.ndarray,
+    cut: np.ndarray,
+    feet: np.ndarray,
+    covered: np.ndarray,
+    across: np.ndarray,
+    height_cm: float,
+) -> bool: ...
 def tapers(
     labels: np.ndarray, kind: int, slopes: np.ndarray, cut: np.ndarray, feet: np.ndarray, covered: np.ndarray
 ) -> bool: ...

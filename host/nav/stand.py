@@ -29,9 +29,6 @@ from host.pose import Pose
 
 USABLE = 0.25  # a depth with a larger relative sigma places nothing
 VAGUEST = 0.3  # a foot alone with a larger relative sigma is none
-STRAIGHT = 0.006  # rms of a straight wall's feet about their line, as a slope: 2 px at 280 px focal length
-WALL_CM = 70.0  # what is wider than this has a front as its feet have it, what is narrower a flat one
-TOUCHING = 1.05  # columns whose foot is nearer than this times the nearest foot touch the floor
 EDGE = 0.004  # rms of feet about a straight edge: rows of STEP_PX make 0.002
 SEAM_EDGE = 0.012  # and of feet that the picture itself was asked for, in strips
 SIGMA_EDGE = 0.004  # of the slope of a straight edge, tilt of the camera included; of many feet
@@ -46,10 +43,6 @@ TO_FRONT, SIGMA_TO_FRONT = 0.05, 0.1  # in widths: a flat front is so far before
 IN_SIGHT = 0.2  # what shows its foot in a smaller part of its columns is behind others: where it stands can wait
 UNTOLD = 0.05  # and while its relative sigma is larger it stands nowhere
 FOOTLESS = 0.05  # relative error more of what shows no foot: what stands before it has a part of its outline
-HANGING = 0.65  # a thing whose outer feet are flatter than this part of its nearest one hangs over there
-EVENED = 5  # columns
-EVEN = np.full(EVENED, 1 / EVENED)
-OUTER = 0.1  # of its columns, on either side
 MEAN_TO_FRONT = 0.15  # a thing's nearest point before its mean depth, in its widths
 FARTHEST_DEPTH_CM = 450.0
 LEAST_COLUMNS = 3
@@ -188,8 +181,11 @@ def stand_of(
     covered = (feet.region == region_id).nonzero()[0] if mixed else picture.columns_of(region_id)
     columns, cut = feet.columns_of(region_id)
     mostly_cut = len(cut) >= LEAST_COLUMNS and len(cut) > CUT_PART * (len(columns) + len(cut))
-    if len(columns) >= LEAST_COLUMNS and (not mostly_cut or _is_straight_wall(feet, columns, covered)):
-        found = _on_its_feet(region_id, measured, feet, columns, covered, picture, mixed)
+    if len(columns) >= LEAST_COLUMNS and (
+        not mostly_cut or _nav.is_straight_wall(*_shape(region_id, feet, columns, covered, picture))
+    ):
+        hidden = (len(covered) - len(columns) - len(cut)) / len(covered)  # part of it, where others are before it
+        found = _on_its_feet(region_id, measured, feet, columns, covered, hidden, picture, mixed)
         return replace(found, seam=True) if found is not None and mixed else found
     if measured is not None:
         z, sigma, how = measured
@@ -207,41 +203,6 @@ def stand_of(
     return Standing(region_id, cut, depth, mean, 0.25 * mean, AT_BORDER, FAINT)
 
 
-def _is_straight_wall(feet: Feet, columns: np.ndarray, covered: np.ndarray) -> bool:
-    """Whether the feet in these columns lie on one line that goes on below the image."""
-    slopes = feet.slope[columns]
-    nearest = quantile(np.sort(slopes), 0.9)
-    if feet.width_cm(covered, feet.height_cm / nearest) <= WALL_CM:
-        return False
-    return _straight_line(columns, slopes) is not None
-
-
-def _has_wall_behind(feet: Feet, columns: np.ndarray, nearest: float) -> bool:
-    """Whether most of it is a wall, and something before it has its colour, so that the net made them one.
-
-    What hangs over at the sides, as a ball does, has no straight foot there.
-    """
-    far = columns[feet.slope[columns] < HANGING * nearest]
-    ends = [0, *((far[1:] - far[:-1] > 1).nonzero()[0] + 1).tolist(), len(far)]
-    for begin, end in pairwise(ends):
-        if end - begin < LEAST_COLUMNS:
-            continue
-        run = far[begin:end]
-        slopes = feet.slope[run]
-        if feet.width_cm(run, feet.height_cm / _mean(slopes)) > WALL_CM and _straight_line(run, slopes):
-            return True
-    return False
-
-
-def _straight_line(columns: np.ndarray, slopes: np.ndarray) -> tuple[float, float] | None:
-    """Offset and rise of the line through slopes over columns; None where they do not lie on one."""
-    middle, mean = _mean(columns), _mean(slopes)
-    away, off = columns - middle, slopes - mean
-    rise = float(away @ off) / float(away @ away)
-    off -= rise * away
-    return (mean - rise * middle, rise) if math.sqrt(float(off @ off) / len(off)) < STRAIGHT else None
-
-
 def _mean(values: np.ndarray) -> float:
     return float(values.sum()) / len(values)  # what np.mean does, in half the time
 
@@ -254,32 +215,41 @@ def quantile(ordered: np.ndarray, part: float) -> float:
     return low + (place - k) * (high - low)
 
 
+def _shape(
+    region: int, feet: Feet, columns: np.ndarray, covered: np.ndarray, picture: Picture
+) -> tuple[np.ndarray, int, np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray, float]:
+    """A region's feet and outline, as `_nav` asks for them."""
+    place = picture.place[region]
+    return picture.labels, place, feet.slope, feet.cut, columns, covered, feet.across, feet.height_cm
+
+
 def _on_its_feet(
     region: int,
     measured: tuple[float, float, str] | None,
     feet: Feet,
     columns: np.ndarray,
     covered: np.ndarray,
+    hidden: float,
     picture: Picture,
     mixed: bool,
 ) -> Standing | None:
-    height, slopes = feet.height_cm, feet.slope[columns]
-    nearest = nearest_slope(slopes)
-    if feet.width_cm(covered, height / nearest) > WALL_CM or _has_wall_behind(feet, columns, nearest):
-        line = _straight_line(columns, slopes)
+    height = feet.height_cm
+    nearest, mean, is_wall, line, edges, hangs, touching = _nav.stance(
+        *_shape(region, feet, columns, covered, picture), SEAM_EDGE if mixed else EDGE
+    )
+    if is_wall:
         sigma = SIGMA_SEAM if mixed else SIGMA_RAY if line is None else SIGMA_EDGE
-        if (placed := _placed(_mean(slopes), sigma, measured, height)) is None:
+        if (placed := _placed(mean, sigma, measured, height)) is None:
             return None
-        if line is not None:
+        if line is None:
+            slopes = feet.slope[columns]
+        else:
             columns = (feet.region == region).nonzero()[0]  # also where its feet are below the image
             slopes = line[0] + line[1] * columns
         return Standing(region, columns, height / np.maximum(slopes, height / FARTHEST_CM), *placed[1:])
 
-    shape = picture.labels, picture.place[region], feet.slope, feet.cut, columns, covered
-    edges = _nav.along_edges(*shape, SEAM_EDGE if mixed else EDGE)
-    behind = BEHIND * _mean(feet.region[covered] != region)
+    behind = BEHIND * hidden
     if edges is not None:
-        mean = len(edges) / float((1.0 / edges).sum())  # of the mean depth, which motion tells
         sigma = math.hypot(SIGMA_SEAM if mixed else SIGMA_EDGE, behind * mean)
         placed = _placed(mean, sigma, measured, height)
         if placed is None:
@@ -287,7 +257,6 @@ def _on_its_feet(
         slopes = np.maximum(edges + (placed[0] - mean), height / FARTHEST_CM)
         return Standing(region, covered, height / slopes, *placed[1:])
 
-    hangs = hangs_over(slopes, columns, covered, nearest, len(feet.cut)) or _nav.tapers(*shape)
     sigma = SIGMA_SEAM if mixed else SIGMA_ROUND if hangs else SIGMA_FOOT
     sigma = math.hypot(sigma, FOOT_PART * nearest, behind * nearest)
     if measured is not None:
@@ -299,7 +268,6 @@ def _on_its_feet(
     z = placed[1]
     bulge = round_cm = 0.0
     if hangs:
-        touching = float((slopes > nearest / TOUCHING).sum()) / len(covered)
         round_cm = 0.5 * feet.width_cm(covered, z)
         bulge = (1 - touching) * round_cm
     return Standing(region, covered, np.full(len(covered), z - bulge), *placed[1:], round_cm)
@@ -313,29 +281,6 @@ def _placed(
     z = height_cm / slope
     sigma_cm = sigma * z**2 / height_cm
     return None if how == "foot" and sigma_cm > VAGUEST * z else (slope, z, sigma_cm, how, weight)
-
-
-def nearest_slope(slopes: np.ndarray) -> float:
-    """Of a thing's feet where it is nearest; feet are told in steps of STEP_PX rows, which are evened out."""
-    if len(slopes) >= 3 * EVENED:
-        slopes = np.convolve(slopes, EVEN, "valid")
-    return quantile(np.sort(slopes), 0.9)
-
-
-def hangs_over(
-    slopes: np.ndarray, columns: np.ndarray, covered: np.ndarray, nearest: float, width: int
-) -> bool:
-    """Whether the outer feet are much flatter than the nearest on both sides that are in the picture.
-
-    On one side alone they are so along a slanted front, which stands on the floor all the way.
-    """
-    outer = max(1, round(OUTER * len(columns)))
-    ends = [
-        _mean(feet)
-        for feet, seen in ((slopes[:outer], covered[0] > 0), (slopes[-outer:], covered[-1] < width - 1))
-        if seen
-    ]
-    return bool(ends) and max(ends) < HANGING * nearest
 
 
 def _agreed(

@@ -14,7 +14,16 @@ NOISE = 0.001 * np.random.default_rng(3).standard_normal(WIDTH)
 
 def edges(slopes: np.ndarray, first: int, high: np.ndarray | int = 60, cut: int = 0) -> np.ndarray | None:
     """Of a thing from a column on, so many pixels high, its feet in the last columns below the picture."""
-    return _nav.along_edges(*shape_of(slopes, first, high, cut), RMS)
+    return edges_of(shape_of(slopes, first, high, cut))
+
+
+def stance_of(shape: tuple, rms: float = RMS) -> tuple:
+    """Of something narrow."""
+    return _nav.stance(*shape, np.zeros(WIDTH), 15.0, rms)
+
+
+def edges_of(shape: tuple, rms: float = RMS) -> np.ndarray | None:
+    return stance_of(shape, rms)[4]
 
 
 def shape_of(
@@ -66,7 +75,7 @@ def test_below_the_picture_an_edge_goes_on_and_elsewhere_no_farther_than_a_foot_
     assert found[-6:] == pytest.approx(true[-6:], abs=0.001)
     labels, kind, slopes, below, feet, covered = shape_of(true, 40, 60)
     seen = feet[5:-5]  # something else stands before both ends
-    found = _nav.along_edges(labels, kind, slopes, below, seen, covered, RMS)
+    found = edges_of((labels, kind, slopes, below, seen, covered))
     assert found is not None
     assert found.min() == pytest.approx(true[7], abs=0.001)
     assert found.max() == pytest.approx(true[-8], abs=0.001)
@@ -86,7 +95,7 @@ def test_half_a_ball_ends_in_a_point_where_it_is_in_sight_and_has_no_slanted_edg
     ball, high = 0.13 + 0.12 * arc, np.rint(30 * arc).astype(int)
     at_border = shape_of(ball[:12], WIDTH - 12, high[:12])
     assert _nav.tapers(*at_border)
-    assert _nav.along_edges(*at_border, 0.02) is None  # though an edge that rough would do
+    assert edges_of(at_border, 0.02) is None  # though an edge that rough would do
     labels, kind, slopes, *rest = shape_of(ball[12:], 40, high[12:])
     assert not _nav.tapers(labels, kind, slopes, *rest)  # nothing hides its other half: it is no ball
     slopes[39] = 0.35
@@ -100,4 +109,22 @@ def test_the_far_end_of_a_slanted_front_is_no_half_ball():
     slender = shape_of(slanted, WIDTH - 18, np.linspace(25, 70, 18).astype(int))
     for shape in (box, door, slender):
         assert not _nav.tapers(*shape)
-    assert _nav.along_edges(*box, RMS) is not None
+    assert edges_of(box) is not None
+
+
+def test_the_nearest_foot_is_not_drawn_nearer_by_the_steps_that_feet_are_told_in():
+    def nearest(slopes: np.ndarray) -> float:
+        return stance_of(shape_of(slopes, 40, 60))[0]
+
+    frontal = np.tile([0.100, 0.104], 20)  # truly 0.102
+    assert nearest(frontal) == pytest.approx(0.102, abs=0.0005)
+    corner = 0.15 - 0.05 * np.abs(np.linspace(-1, 1, 41))
+    assert nearest(corner) == pytest.approx(np.quantile(corner, 0.9), abs=0.001)
+    assert nearest(np.array([0.1, 0.12, 0.11])) == pytest.approx(0.118)
+
+
+def test_what_is_nearer_at_one_end_is_a_slanted_front_and_hangs_over_nowhere():
+    high = np.linspace(30, 60, 40).astype(int)  # not upright, so that it has no edges
+    flat_at = {"one end": np.linspace(0.05, 0.15, 40), "both ends": 0.15 - 0.1 * np.abs(np.linspace(-1, 1, 40))}
+    hangs = {where: stance_of(shape_of(feet, 9, high))[5] for where, feet in flat_at.items()}
+    assert hangs == {"one end": False, "both ends": True}

@@ -16,7 +16,7 @@ from host.nav.floor import FloorFinder
 from host.nav.map import FREE, LOOKED, OCCUPIED, RESTLESS, ObstacleMap
 from host.nav.mover import Mover, Sight
 from host.nav.picture import Picture, rays_of
-from host.nav.stand import AT_BORDER, Feet, hangs_over, nearest_slope, stand_of
+from host.nav.stand import AT_BORDER, Feet, stand_of
 from host.pose import Pose
 from host.rbdn.snapshot import Snapshot
 
@@ -300,21 +300,6 @@ def test_a_ball_is_filled_from_its_nearest_point_on_though_its_foot_lies_behind(
     assert cells[:, 1].min() < z - radius + 7
     assert cells[:, 0].min() < -radius + 5
     assert cells[:, 0].max() > radius - 5
-
-
-def test_the_nearest_foot_is_not_drawn_nearer_by_the_steps_that_feet_are_told_in():
-    frontal = np.tile([0.100, 0.104], 20)  # truly 0.102
-    assert nearest_slope(frontal) == pytest.approx(0.102, abs=0.0005)
-    corner = 0.15 - 0.05 * np.abs(np.linspace(-1, 1, 41))
-    assert nearest_slope(corner) == pytest.approx(np.quantile(corner, 0.9), abs=0.001)
-    assert nearest_slope(np.array([0.1, 0.12, 0.11])) == pytest.approx(0.118)
-
-
-def test_what_is_nearer_at_one_end_is_a_slanted_front_and_hangs_over_nowhere():
-    columns = np.arange(40)
-    flat_at = {"one end": np.linspace(0.05, 0.15, 40), "both ends": 0.15 - 0.1 * np.abs(columns - 20) / 20}
-    hangs = {where: hangs_over(s, columns + 9, columns + 9, 0.14, 160) for where, s in flat_at.items()}
-    assert hangs == {"one end": False, "both ends": True}
 
 
 def with_thing(outline: np.ndarray) -> Snapshot:

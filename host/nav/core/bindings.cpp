@@ -17,6 +17,7 @@
 #include "grid.hpp"
 #include "search.hpp"
 #include "seam.hpp"
+#include "stance.hpp"
 #include "tiles.hpp"
 #include "track.hpp"
 
@@ -98,10 +99,27 @@ nav::Shape shape(const Image<std::uint16_t>& labels, std::uint16_t kind, const R
             {feet.data(), feet.shape(0)}, {covered.data(), covered.shape(0)}, cut.data()};
 }
 
-nb::object along_edges(const Image<std::uint16_t>& labels, std::uint16_t kind, const Row<double>& slopes,
-                       const Row<bool>& cut, const Row<std::int64_t>& feet, const Row<std::int64_t>& covered, double rms) {
-    const auto found = nav::along_edges(shape(labels, kind, slopes, cut, feet, covered), rms);
-    return found ? to_array<double>(*found, {found->size()}) : nb::none();
+nav::Across across_of(const nav::Shape& shape, const Row<double>& across, double height_cm) {
+    require(across.shape(0) == shape.slopes.size(), "a ray of every column");
+    require(shape.feet.size() >= 3 && !shape.covered.empty(), "three feet at least");
+    return {{across.data(), across.shape(0)}, height_cm};
+}
+
+nb::tuple stance(const Image<std::uint16_t>& labels, std::uint16_t kind, const Row<double>& slopes,
+                 const Row<bool>& cut, const Row<std::int64_t>& feet, const Row<std::int64_t>& covered,
+                 const Row<double>& across, double height_cm, double rms) {
+    const nav::Shape of = shape(labels, kind, slopes, cut, feet, covered);
+    const nav::Stance s = nav::stance_of(of, across_of(of, across, height_cm), rms);
+    return nb::make_tuple(s.nearest, s.mean, s.is_wall,
+                          s.line ? nb::object(nb::make_tuple(s.line->offset, s.line->rise)) : nb::none(),
+                          s.edges ? to_array<double>(*s.edges, {s.edges->size()}) : nb::none(), s.hangs, s.touching);
+}
+
+bool is_straight_wall(const Image<std::uint16_t>& labels, std::uint16_t kind, const Row<double>& slopes,
+                      const Row<bool>& cut, const Row<std::int64_t>& feet, const Row<std::int64_t>& covered,
+                      const Row<double>& across, double height_cm) {
+    const nav::Shape of = shape(labels, kind, slopes, cut, feet, covered);
+    return nav::is_straight_wall(of, across_of(of, across, height_cm));
 }
 
 bool tapers(const Image<std::uint16_t>& labels, std::uint16_t kind, const Row<double>& slopes, const Row<bool>& cut,
@@ -292,7 +310,10 @@ NB_MODULE(_nav, m) {
           "none"_a);
     m.def("feet", &feet, "labels"_a, "slopes"_a, "ids"_a, "nothing"_a, "ground"_a, "foot"_a, "height_cm"_a,
           "farthest_cm"_a, "sigma_slope"_a);
-    m.def("along_edges", &along_edges, "labels"_a, "kind"_a, "slopes"_a, "cut"_a, "feet"_a, "covered"_a, "rms"_a);
+    m.def("stance", &stance, "labels"_a, "kind"_a, "slopes"_a, "cut"_a, "feet"_a, "covered"_a, "across"_a,
+          "height_cm"_a, "rms"_a);
+    m.def("is_straight_wall", &is_straight_wall, "labels"_a, "kind"_a, "slopes"_a, "cut"_a, "feet"_a, "covered"_a,
+          "across"_a, "height_cm"_a);
     m.def("tapers", &tapers, "labels"_a, "kind"_a, "slopes"_a, "cut"_a, "feet"_a, "covered"_a);
     m.def("totals", &totals, "running"_a.noconvert(), "starts"_a, "ends"_a, "owner"_a, "kinds"_a);
     m.def("colour_steps", &colour_steps, "colours"_a, "window"_a, "light"_a);

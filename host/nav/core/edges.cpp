@@ -21,10 +21,7 @@ constexpr double HALF_UPRIGHT = 0.55;  // a ball with one end in sight has less 
 constexpr double SLENDER = 3.0;        // and it is no more than so many times as tall as what is seen of it is wide
 constexpr double BEFORE = 1.02;        // what stands beside it and is nearer by so much hides its other end
 
-struct Line {
-    double offset, rise;
-    double at(double column) const { return offset + rise * column; }
-};
+}  // namespace
 
 double mean(std::span<const double> values) {
     double sum = 0;
@@ -48,6 +45,14 @@ std::optional<Line> straight(std::span<const std::int64_t> columns, std::span<co
     return Line{level - rise * middle, rise};
 }
 
+std::vector<double> own_slopes(const Shape& shape) {
+    std::vector<double> out;
+    for (const std::int64_t c : shape.feet) out.push_back(shape.slopes[static_cast<std::size_t>(c)]);
+    return out;
+}
+
+namespace {
+
 std::vector<double> evened(std::span<const double> slopes) {
     if (slopes.size() < 2 * EVENED) return {slopes.begin(), slopes.end()};
     std::vector<double> out(slopes.size() - EVENED + 1);
@@ -66,12 +71,6 @@ bool is_upright(const Shape& shape, std::span<const std::int64_t> feet) {
     const double most = std::max(height(shape, feet[feet.size() / 2]),
                                  height(shape, shape.covered[shape.covered.size() / 2]));
     return least >= UPRIGHT * most;
-}
-
-std::vector<double> own_slopes(const Shape& shape) {
-    std::vector<double> out;
-    for (const std::int64_t c : shape.feet) out.push_back(shape.slopes[static_cast<std::size_t>(c)]);
-    return out;
 }
 
 // A ball of which one end alone is in sight, for something before it or the border hides the other: its foot is in

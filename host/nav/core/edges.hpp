@@ -20,6 +20,20 @@ struct Shape {
     const bool* cut;                          // of all columns, whether the foot is below the picture
 };
 
+// Of slopes over columns.
+struct Line {
+    double offset, rise;
+    double at(double column) const { return offset + rise * column; }
+};
+
+double mean(std::span<const double> values);
+
+// The line through slopes over columns; none where they lie about it by rms or more.
+std::optional<Line> straight(std::span<const std::int64_t> columns, std::span<const double> slopes, double rms);
+
+// Of a shape's feet, in the order of its columns.
+std::vector<double> own_slopes(const Shape& shape);
+
 // Slopes of feet on one straight edge, or on two that meet in a corner, in all columns covered; none of what has no
 // such edges, is not upright at the ends of its feet or is half a ball.
 //
