@@ -138,7 +138,32 @@ def compare_rows(image: np.ndarray, other: np.ndarray) -> tuple[np.ndarray, np.n
 def search(
     shut: np.ndarray, cost: np.ndarray, ahead: np.ndarray, there: np.ndarray, row: int, col: int
 ) -> np.ndarray: ...
-def even_motion(
-    places: list[tuple[float, float, float]], ray: tuple[float, float]
-) -> tuple[float, float, float, float, float]: ...
-def extent(places: list[tuple[float, float, float]], ray: tuple[float, float]) -> tuple[float, float]: ...
+
+class FootSight:
+    t_s: float
+    depth_cm: float
+    left: tuple[float, float] | None
+    right: tuple[float, float] | None
+    ray: tuple[float, float]
+
+def sight_of(
+    owners: np.ndarray,
+    slopes: np.ndarray,
+    depth_cm: np.ndarray,
+    cut: np.ndarray,
+    across: np.ndarray,
+    height_cm: float,
+    eye: tuple[float, float],
+    ahead: tuple[float, float],
+    region: int,
+    cut_part: float,
+    sigma_ray: float,
+    t_s: float,
+) -> FootSight | None: ...
+
+class Track:
+    newest_s: float
+    def __init__(self, first: FootSight) -> None: ...
+    def see(self, now: FootSight) -> None: ...
+    def velocity(self, known: bool) -> tuple[float, float] | None: ...
+    def stands(self) -> bool: ...

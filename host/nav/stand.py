@@ -128,6 +128,11 @@ class Feet:
         """Columns in which a region's foot is seen, and in which it is below the image."""
         return self._columns.get(2 * region, NO_COLUMNS), self._columns.get(2 * region + 1, NO_COLUMNS)
 
+    def sight_of(self, region: int, t_s: float) -> _nav.FootSight | None:
+        """Where a region's foot stands; None where that does not tell where it is."""
+        feet = self.region, self.slope, self.depth_cm, self.cut, self.across, self.height_cm
+        return _nav.sight_of(*feet, self._from, self._ahead, region, CUT_PART, SIGMA_RAY, t_s)
+
     def width_cm(self, columns: np.ndarray, depth_cm: float) -> float:
         """Width of what spans these columns at a depth."""
         return float(self.across[columns[-1]] - self.across[columns[0]]) * depth_cm
@@ -184,7 +189,7 @@ def stand_of(
     if len(columns) >= LEAST_COLUMNS and (
         not mostly_cut or _nav.is_straight_wall(*_shape(region_id, feet, columns, covered, picture))
     ):
-        hidden = (len(covered) - len(columns) - len(cut)) / len(covered)  # part of it, where others are before it
+        hidden = (len(covered) - len(columns) - len(cut)) / len(covered)  # by others
         found = _on_its_feet(region_id, measured, feet, columns, covered, hidden, picture, mixed)
         return replace(found, seam=True) if found is not None and mixed else found
     if measured is not None:
@@ -205,14 +210,6 @@ def stand_of(
 
 def _mean(values: np.ndarray) -> float:
     return float(values.sum()) / len(values)  # what np.mean does, in half the time
-
-
-def quantile(ordered: np.ndarray, part: float) -> float:
-    """Of values in order, between its neighbours in proportion."""
-    place = part * (len(ordered) - 1)
-    k = int(place)
-    low, high = float(ordered[k]), float(ordered[min(k + 1, len(ordered) - 1)])
-    return low + (place - k) * (high - low)
 
 
 def _shape(

@@ -7,35 +7,17 @@ evenly, and too fast for an error, is a mover; its line is kept for a while afte
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from host.nav import _nav
-from host.nav.mover import NAMELESS, SIGMA_RAY, TURNED_CM, Mover, Sight
-from host.nav.stand import CUT_PART, Feet, quantile
+from host.nav.mover import NAMELESS, TURNED_CM, Mover, Sight
+from host.nav.stand import Feet
 
-OVER_S = 0.7  # a velocity across the view is that over so long
-ALONG_S = 1.5  # and one along it, where feet are known less well
-LEAST_S = 0.3
-LEAST_SIGHTINGS = 5
-FASTEST_CM_S = 40.0  # what is faster are regions that merge or split
-ASIDE_CM_S = 6.0  # across the view what stands still never wanders as fast
-ASIDE_SHARE = 0.06  # nor by more than this part of its distance in a second
-ALONG_CM_S = 8.0
-ALONG_SIGMAS = 2.5  # along it, it must have gone farther than a foot may be off
-SURE_SIGMAS = 4.0
-STRAY_CM = 1.5  # rms of the places about an even motion across the view
-STRAY_SHARE = 0.06  # and along it, of the distance
-UNLIKE = 0.35  # both edges go as fast, but for this part
-ONE_EDGE_CM = 7.0  # of something of which one edge alone is seen, that must go as far
-ONE_EDGE_SHARE = 0.08  # and this part of its distance
-FARTHEST_CM = 220.0
-WIDEST_CM = 60.0  # what is wider is furniture
+FOLLOWED_S = 0.7  # after its foot was last seen
 HALF_CM = 9.0  # of something of which only one edge was ever seen
-HIDES = 0.96  # what is nearer than this part of its distance hides a part of a thing
 LEAST_COLUMNS = 3
 CONFIRMED = 3  # even motions one after the other, until it counts as a mover
 LINE_S = 85.0  # where it would be looked for if it came back
@@ -43,7 +25,6 @@ NEAR_CM = 60.0  # the foot of what stands nearer may be below the picture
 ABOUT_CM = 8.0  # it is then taken for the mover that should be so near to there
 BESIDE_CM = 25.0  # the same mover comes back on its line, off by so much
 LIKE_RAD = math.radians(35)
-STILL_CM = 2.5  # who goes no farther across the view in ALONG_S stands
 LONG_HELD_S = 6.0
 UNSEEN_S = 0.25  # so long after it was last seen it is looked for
 PLACES = 6  # of those where it can be
@@ -52,23 +33,11 @@ HELD_S = 1.0  # a region that moved still does, so long after that was last seen
 MISSED_S = 0.1  # so long after its own region was last seen the net may have made it one with the floor
 
 
-@dataclass(frozen=True)
-class _Sight:
-    """Where the foot of a region stands at one time: its ends (x, z), None where they are not its own."""
-
-    t_s: float
-    left: tuple[float, float] | None
-    right: tuple[float, float] | None
-    depth_cm: float
-    sigma_cm: float  # along the view
-    ray: tuple[float, float]  # unit vector from the camera to it
-
-
 class Tracks:
     """Where every thing has lately been seen to stand, and what moves."""
 
     def __init__(self) -> None:
-        self._seen: dict[int, deque[_Sight]] = {}
+        self._seen: dict[int, _nav.Track] = {}
         self._known = Movers()
         self.turns = False  # the robot does: all outlines go far, and the heading errs
 
@@ -84,18 +53,18 @@ class Tracks:
 
     def velocity(self, region: int, feet: Feet, t_s: float) -> tuple[float, float] | None:
         """(x, z) in cm/s of a thing that surely moves, None otherwise; told of every region once a frame."""
-        sight = _sight_of(region, feet, t_s)
+        sight = feet.sight_of(region, t_s)
         if sight is None:
             self._see_on_line(region, feet, t_s)
             return self._known.velocity(region, t_s)
-        seen = self._lately(region, sight)
+        track = self._track(region, sight)
         known = self._known.velocity(region, t_s) is not None
-        velocity = _even_motion(list(seen), known) if known or not self.turns else None
+        velocity = track.velocity(known) if known or not self.turns else None
         place, half = _disc(sight, self._known.half_cm(region))
         if velocity is not None:
             self._known.note(region, place, velocity, half)
             return velocity
-        if _stands(seen):
+        if track.stands():
             self._known.drop(region)
             return None
         self._known.glimpse(region, place)
@@ -103,31 +72,32 @@ class Tracks:
 
     def see_mixed(self, region: int, feet: Feet, t_s: float) -> None:
         """What stands in a region that is also floor may be a known mover; told of each once a frame."""
-        sight = _sight_of(region, feet, t_s)
+        sight = feet.sight_of(region, t_s)
         if sight is None:
             return
-        seen = self._lately(region, sight)
-        velocity = None if self.turns else _even_motion(list(seen), known=False)
+        track = self._track(region, sight)
+        velocity = None if self.turns else track.velocity(known=False)
         self._known.seen_mixed(*_disc(sight, HALF_CM), velocity)
 
-    def _lately(self, region: int, sight: _Sight) -> deque[_Sight]:
+    def _track(self, region: int, sight: _nav.FootSight) -> _nav.Track:
         """A region's sights of the last while, with this one."""
-        seen = self._seen.setdefault(region, deque())
-        seen.append(sight)
-        while seen[-1].t_s - seen[0].t_s > ALONG_S:
-            seen.popleft()
-        return seen
+        track = self._seen.get(region)
+        if track is None:
+            track = self._seen[region] = _nav.Track(sight)
+        else:
+            track.see(sight)
+        return track
 
     def stands(self, region: int) -> bool:
         """Whether its own foot says that it has not moved for a while."""
-        return region in self._seen and _stands(self._seen[region])
+        return region in self._seen and self._seen[region].stands()
 
     def forget(self, t_s: float, turns: bool = False) -> None:
         """What was not seen for a while; where the robot turns nothing that moves is found anew."""
         if self.turns and not turns:
             self._seen.clear()
         self.turns = turns
-        self._seen = {k: seen for k, seen in self._seen.items() if t_s - seen[-1].t_s < OVER_S}
+        self._seen = {k: track for k, track in self._seen.items() if t_s - track.newest_s < FOLLOWED_S}
         self._known.forget(t_s)
 
     def look_for(self, feet: Feet, t_s: float) -> None:
@@ -315,7 +285,7 @@ def _replaces(now: Mover, old: Mover) -> bool:
     return now.understood and alike and now.t_s - old.t_s > GONE_S
 
 
-def _disc(sight: _Sight, known_half_cm: float) -> tuple[Sight, float]:
+def _disc(sight: _nav.FootSight, known_half_cm: float) -> tuple[Sight, float]:
     """Middle and radius of something as round as it is wide, its front towards the robot."""
     ray_x, ray_z = sight.ray  # and (ray_z, -ray_x) is to the right
     if sight.left is not None and sight.right is not None:
@@ -329,102 +299,3 @@ def _disc(sight: _Sight, known_half_cm: float) -> tuple[Sight, float]:
             if end is not None
         )
     return Sight(sight.t_s, x + half * ray_x, z + half * ray_z, sight.ray, sight.depth_cm + half), half
-
-
-def _stands(seen: deque[_Sight]) -> bool:
-    """Whether it has not moved for a while, as far as its foot can tell."""
-    if seen[-1].t_s - seen[0].t_s < 0.9 * ALONG_S:
-        return False
-    for side in ("left", "right"):
-        ends = [(one.t_s, *end) for one in seen if (end := getattr(one, side)) is not None]
-        if len(ends) > 0.8 * len(seen):
-            aside, along = _nav.extent(ends, seen[-1].ray)
-            if aside < STILL_CM and along < ALONG_SIGMAS * seen[-1].sigma_cm:
-                return True
-    return False
-
-
-def _sight_of(region: int, feet: Feet, t_s: float) -> _Sight | None:
-    own, cut = feet.columns_of(region)
-    if len(own) < LEAST_COLUMNS or len(own) < (1 - CUT_PART) * (len(own) + len(cut)):
-        return None
-    depth = feet.height_cm / quantile(np.sort(feet.slope[own]), 0.9)
-    width = feet.width_cm(own, depth)
-    if depth > FARTHEST_CM or width > WIDEST_CM:
-        return None
-    left, right = int(own[0]), int(own[-1])
-    last = len(feet.region) - 1
-
-    def is_own(edge: int, beyond: int) -> bool:
-        if edge in (0, last) or not 0 <= beyond <= last:
-            return False
-        hidden = feet.depth_cm[beyond] < HIDES * depth and feet.region[beyond] != region
-        return not hidden and not feet.cut[beyond]
-
-    far = depth * (1 + width / depth / 2)  # where the edges of something round are
-    ends = [
-        feet.point(edge, far) if is_own(edge, beyond) else None
-        for edge, beyond in ((left, left - 2), (right, right + 2))
-    ]
-    if ends == [None, None]:
-        return None
-    eye, front = feet.point(left, 0.0), feet.point((left + right) // 2, depth)
-    away = math.dist(eye, front)
-    ray = (front[0] - eye[0]) / away, (front[1] - eye[1]) / away
-    half = width / 2
-    moved = [None if end is None else (end[0] - half * ray[0], end[1] - half * ray[1]) for end in ends]
-    sigma = SIGMA_RAY * depth**2 / feet.height_cm
-    return _Sight(t_s, moved[0], moved[1], depth, sigma, ray)
-
-
-def _even_motion(seen: list[_Sight], known: bool) -> tuple[float, float] | None:
-    """Velocity of a thing whose edges move evenly and alike; None where nothing surely moves.
-
-    One edge is enough of what is known to move, or goes far; of a wall that is seen in part one edge wanders.
-    """
-    lately = [one for one in seen if seen[-1].t_s - one.t_s <= OVER_S]
-    return _velocity(lately, known, across=True) or _velocity(seen, known, across=False)
-
-
-def _velocity(seen: list[_Sight], known: bool, across: bool) -> tuple[float, float] | None:
-    ways = [
-        [(s.t_s, *s.left) for s in seen if s.left is not None],
-        [(s.t_s, *s.right) for s in seen if s.right is not None],
-    ]
-    ways = [way for way in ways if len(way) >= LEAST_SIGHTINGS and len(way) > 0.8 * len(seen)]
-    if not ways or (len(ways) == 1 and not known and not (across and _goes_far(ways[0], seen[-1]))):
-        return None
-    fits = [fit for way in ways if (fit := _line(way, seen[-1], across)) is not None]
-    if len(fits) < len(ways):
-        return None
-    velocity = sum(x for x, _ in fits) / len(fits), sum(z for _, z in fits) / len(fits)
-    speed = math.hypot(*velocity)
-    if speed > FASTEST_CM_S or (len(fits) == 2 and math.dist(*fits) > UNLIKE * speed):
-        return None
-    return velocity
-
-
-def _goes_far(way: list[tuple[float, float, float]], last: _Sight) -> bool:
-    """Whether one edge alone has gone farther across the view than edges of walls seen in part wander."""
-    (_, x0, z0), (_, x1, z1) = way[0], way[-1]
-    gone = abs((x1 - x0) * last.ray[1] - (z1 - z0) * last.ray[0])
-    return gone > max(ONE_EDGE_CM, ONE_EDGE_SHARE * last.depth_cm)
-
-
-def _line(way: list[tuple[float, float, float]], last: _Sight, across: bool) -> tuple[float, float] | None:
-    """Velocity (x, z) of places (time, x, z) that go evenly across the view, or else along it.
-
-    None where it is not even, or too slow to be no error.
-    """
-    lasts_s = way[-1][0] - way[0][0]
-    if lasts_s < (LEAST_S if across else ALONG_S / 2):
-        return None
-    along, aside, stray_along, stray_aside, lever2 = _nav.even_motion(way, last.ray)
-    if stray_aside > STRAY_CM or stray_along > STRAY_SHARE * last.depth_cm:
-        return None
-    sure, (ray_x, ray_z) = SURE_SIGMAS / math.sqrt(lever2), last.ray
-    if across:
-        goes = abs(aside) > max(ASIDE_CM_S, ASIDE_SHARE * last.depth_cm, sure * stray_aside)
-    else:
-        goes = abs(along) > max(ALONG_CM_S, ALONG_SIGMAS * last.sigma_cm / lasts_s, sure * stray_along)
-    return (along * ray_x + aside * ray_z, along * ray_z - aside * ray_x) if goes else None

@@ -125,6 +125,7 @@ def test_the_nearest_foot_is_not_drawn_nearer_by_the_steps_that_feet_are_told_in
 
 def test_what_is_nearer_at_one_end_is_a_slanted_front_and_hangs_over_nowhere():
     high = np.linspace(30, 60, 40).astype(int)  # not upright, so that it has no edges
-    flat_at = {"one end": np.linspace(0.05, 0.15, 40), "both ends": 0.15 - 0.1 * np.abs(np.linspace(-1, 1, 40))}
+    ends = np.abs(np.linspace(-1, 1, 40))
+    flat_at = {"one end": np.linspace(0.05, 0.15, 40), "both ends": 0.15 - 0.1 * ends}
     hangs = {where: stance_of(shape_of(feet, 9, high))[5] for where, feet in flat_at.items()}
     assert hangs == {"one end": False, "both ends": True}

@@ -112,7 +112,8 @@ nb::tuple stance(const Image<std::uint16_t>& labels, std::uint16_t kind, const R
     const nav::Stance s = nav::stance_of(of, across_of(of, across, height_cm), rms);
     return nb::make_tuple(s.nearest, s.mean, s.is_wall,
                           s.line ? nb::object(nb::make_tuple(s.line->offset, s.line->rise)) : nb::none(),
-                          s.edges ? to_array<double>(*s.edges, {s.edges->size()}) : nb::none(), s.hangs, s.touching);
+                          s.edges ? to_array<double>(*s.edges, {s.edges->size()}) : nb::none(), s.hangs,
+                          s.touching);
 }
 
 bool is_straight_wall(const Image<std::uint16_t>& labels, std::uint16_t kind, const Row<double>& slopes,
@@ -267,28 +268,21 @@ nb::tuple compare_rows(const Colours& image, const Colours& other) {
                           to_array<bool>(rows.alike, {image.shape(0)}));
 }
 
-// Times and places, x and z, one after the other.
-std::vector<nav::Sight> places_of(const nb::list& rows) {
-    std::vector<nav::Sight> places;
-    places.reserve(rows.size());
-    for (const nb::handle row : rows) {
-        const auto at = nb::cast<nb::tuple>(row);
-        require(at.size() == 3, "time, x and z of every place");
-        places.push_back({nb::cast<double>(at[0]), nb::cast<double>(at[1]), nb::cast<double>(at[2])});
-    }
-    require(!places.empty(), "a place");
-    return places;
+nb::object pair(const std::optional<nav::FloorPoint>& place) {
+    return place ? nb::object(nb::make_tuple(place->x_cm, place->z_cm)) : nb::none();
 }
 
-nb::tuple even_motion(const nb::list& places, const std::array<double, 2>& ray) {
-    const nav::EvenMotion found = nav::even_motion(places_of(places), {ray[0], ray[1]});
-    return nb::make_tuple(found.along_cm_s, found.aside_cm_s, found.stray_along_cm, found.stray_aside_cm,
-                          found.lever2_s2);
-}
-
-nb::tuple extent(const nb::list& places, const std::array<double, 2>& ray) {
-    const nav::Extent found = nav::extent(places_of(places), {ray[0], ray[1]});
-    return nb::make_tuple(found.aside_cm, found.along_cm);
+nb::object sight_of(const Row<std::int64_t>& owners, const Row<double>& slopes, const Row<double>& depth_cm,
+                    const Row<bool>& cut, const Row<double>& across, double height_cm,
+                    const std::array<double, 2>& eye, const std::array<double, 2>& ahead, std::int64_t region,
+                    double cut_part, double sigma_ray, double t_s) {
+    const std::size_t cols = owners.shape(0);
+    require(slopes.shape(0) == cols && depth_cm.shape(0) == cols && cut.shape(0) == cols && across.shape(0) == cols,
+            "a foot and a ray of every column");
+    const auto found = nav::sight_of({{owners.data(), cols}, slopes.data(), depth_cm.data(), cut.data(), across.data(),
+                                      height_cm, {eye[0], eye[1]}, {ahead[0], ahead[1]}},
+                                     region, cut_part, sigma_ray, t_s);
+    return found ? nb::cast(*found) : nb::none();
 }
 
 }  // namespace
@@ -327,7 +321,20 @@ NB_MODULE(_nav, m) {
     m.def("sharp_tiles", &sharp_tiles, "image"_a.noconvert(), "every"_a, "step_px"_a, "wide_px"_a, "levels"_a,
           "across"_a, "down"_a);
     m.def("compare_rows", &compare_rows, "image"_a.noconvert(), "other"_a.noconvert());
-    m.def("even_motion", &even_motion, "places"_a, "ray"_a);
-    m.def("extent", &extent, "places"_a, "ray"_a);
+    nb::class_<nav::FootSight>(m, "FootSight")
+        .def_ro("t_s", &nav::FootSight::t_s)
+        .def_ro("depth_cm", &nav::FootSight::depth_cm)
+        .def_prop_ro("left", [](const nav::FootSight& s) { return pair(s.left); })
+        .def_prop_ro("right", [](const nav::FootSight& s) { return pair(s.right); })
+        .def_prop_ro("ray", [](const nav::FootSight& s) { return pair(s.ray); });
+    m.def("sight_of", &sight_of, "owners"_a, "slopes"_a, "depth_cm"_a, "cut"_a, "across"_a, "height_cm"_a, "eye"_a,
+          "ahead"_a, "region"_a, "cut_part"_a, "sigma_ray"_a, "t_s"_a);
+    nb::class_<nav::Track>(m, "Track")
+        .def("__init__",
+             [](nav::Track* self, const nav::FootSight& first) { (new (self) nav::Track())->see(first); }, "first"_a)
+        .def("see", &nav::Track::see, "now"_a)
+        .def_prop_ro("newest_s", &nav::Track::newest_s)
+        .def("velocity", [](const nav::Track& t, bool known) { return pair(t.velocity(known)); }, "known"_a)
+        .def("stands", &nav::Track::stands);
     m.def("search", &search, "shut"_a, "cost"_a, "ahead"_a, "there"_a, "row"_a, "col"_a);
 }

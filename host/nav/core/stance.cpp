@@ -7,11 +7,11 @@ namespace nav {
 
 namespace {
 
-constexpr double WALL_CM = 70.0;       // what is wider than this has a front as its feet have it, what is narrower a flat one
-constexpr double STRAIGHT = 0.006;     // rms of a straight wall's feet about their line, as a slope: 2 px at 280 px focal length
-constexpr double TOUCHING = 1.05;      // columns whose foot is nearer than this times the nearest foot touch the floor
-constexpr double HANGING = 0.65;       // a thing whose outer feet are flatter than this part of its nearest one hangs over there
-constexpr double OUTER = 0.1;          // of its columns, on either side
+constexpr double WALL_CM = 70.0;    // what is wider has a front as its feet have it, what is narrower a flat one
+constexpr double STRAIGHT = 0.006;  // rms of a straight wall's feet about their line: 2 px at 280 px focal length
+constexpr double TOUCHING = 1.05;   // columns whose foot is nearer than this times the nearest foot touch the floor
+constexpr double HANGING = 0.65;    // whose outer feet are flatter than this part of its nearest one hangs over there
+constexpr double OUTER = 0.1;       // of its columns, on either side
 constexpr std::size_t OVER_COLUMNS = 5;  // feet are evened out,
 constexpr std::size_t EVENED_FROM = 15;  // of so many columns and more
 constexpr std::size_t LEAST_RUN = 3;     // columns
@@ -20,15 +20,6 @@ constexpr double NEAR_PART = 0.9;        // of the feet lie behind the nearest
 double width_cm(const Across& across, std::span<const std::int64_t> columns, double depth_cm) {
     const auto ray = [&](std::int64_t column) { return across.rays[static_cast<std::size_t>(column)]; };
     return (ray(columns.back()) - ray(columns.front())) * depth_cm;
-}
-
-// Between its neighbours in proportion.
-double quantile(std::vector<double>& values, double part) {
-    std::sort(values.begin(), values.end());
-    const double place = part * static_cast<double>(values.size() - 1);
-    const auto k = static_cast<std::size_t>(place);
-    const double low = values[k], high = values[std::min(k + 1, values.size() - 1)];
-    return low + (place - static_cast<double>(k)) * (high - low);
 }
 
 // Whether most of it is a wall, and something before it has its colour, so that the net made them one.
@@ -53,6 +44,14 @@ bool has_wall_behind(const Shape& shape, const std::vector<double>& slopes, cons
 }
 
 }  // namespace
+
+double quantile(std::vector<double>& values, double part) {
+    std::sort(values.begin(), values.end());
+    const double place = part * static_cast<double>(values.size() - 1);
+    const auto k = static_cast<std::size_t>(place);
+    const double low = values[k], high = values[std::min(k + 1, values.size() - 1)];
+    return low + (place - static_cast<double>(k)) * (high - low);
+}
 
 double nearest_slope(std::vector<double> slopes) {
     if (slopes.size() >= EVENED_FROM) {

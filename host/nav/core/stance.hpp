@@ -31,6 +31,9 @@ Stance stance_of(const Shape& shape, const Across& across, double rms);
 // Whether the feet of something wide lie on one line, which goes on below the image.
 bool is_straight_wall(const Shape& shape, const Across& across);
 
+// Of values, between its neighbours in proportion; puts them in order.
+double quantile(std::vector<double>& values, double part);
+
 // The nearest of feet told in steps of rows, which are evened out where there are enough.
 double nearest_slope(std::vector<double> slopes);
 
