@@ -37,7 +37,10 @@ SEEN_TURN_S = 0.1  # turns that the net saw are taken in over at least this long
 SEEN_TURN_SIGMA = 0.0015  # where they were solved at least so well, rad
 SEEN_TURN_RAD = 0.003  # by which they are off,
 SEEN_TURN_SHARE = 0.06  # and of a turn: rows are exposed one after another
-SEEN_TURN_ALIKE = 2e-3  # and for each cm of way: seen turns err alike for decimetres, by up to 1e-3
+SEEN_TURN_ALIKE = 2e-3  # and for each cm of way: seen turns err alike for decimetres, by up to 4e-4,
+ALIKE_OF_FOUR = 4e-3  # and by twice that where four regions show
+LEAST_REGIONS = 4  # fewer show at most one thing before what is behind: is it nearer than was thought,
+SEEMING_TURN = 2e-3  # that looks like a turn by so much for each cm of way, for as long as it is seen
 SEEN_TURN_GATE = 9.0  # chi2 beyond which a wheel slipped, and nothing is learnt of the wheels from it
 SLIP_DOUBT = 0.3  # of such a turn stays in doubt: what moves may look like it
 ROLLS_CM, ROLLING_TURN_SIGMA = 1.0, 0.003  # wheels that roll so far may slip: looks may be so bad
@@ -49,6 +52,7 @@ ALIKE = 4.0  # sightings err alike for a while: their standard errors count so m
 ALIKE_NEAR = 12.0  # likewise distances
 KNOWN_NEAR = 3.0  # but by hardly more than one is the same thing off when it is seen again
 MOST_AT_ONCE = 8  # sightings used of one frame
+LONE_TURN = 0.02  # rad that one landmark alone may turn the robot by when it is seen again
 LANDMARKS = 20  # the most that are kept
 PROBATION = 4  # a thing is seen so often before it is believed to stand still
 STEADY = 0.015  # rad by which it may be elsewhere from sighting to sighting meanwhile
@@ -84,6 +88,7 @@ class Landmark:
     seen: int = 1
     strikes: int = 0
     returns: int = 0  # times it was recognised
+    sure: bool = True  # that it is the one in view: it was followed there, or corrected something since
 
 
 @dataclass(frozen=True)
@@ -112,6 +117,11 @@ class _News:
     ph: np.ndarray  # (N, 2) covariance of the state with what is expected
     inverse: np.ndarray  # (2, 2) of the news' covariance
 
+    @property
+    def turn_rad(self) -> float:
+        """By which it would turn the robot."""
+        return float(self.ph[HEADING] @ self.inverse @ self.news)
+
 
 class Localiser:
     """Feed it every frame's odometry and what was made of the frame; it tells the pose in the map's frame.
@@ -131,6 +141,8 @@ class Localiser:
         self._looked_smooth = 0.0
         self._turned = self._turned_variance = 0.0  # as was seen from BEFORE up to there, rad
         self._way_since_cm = 0.0  # BEFORE
+        self._regions_since = 0  # as few as some picture has shown
+        self._seeming_rad = 0.0  # by which the first of the odd turns may only seem one
         self._before_wheels = 0.0  # standard error then of where they stand in their cells, as a heading
         self._odd: tuple[tuple[float, float], ...] = ()  # turns that no wheel tells of, and variances, since
         self._cov = np.zeros((OWN, OWN))
@@ -260,7 +272,7 @@ class Localiser:
             self._refuse(known)
         if distracted:
             self._odd = ()
-        self._turn_as_seen(None if distracted else report.motion)
+        self._turn_as_seen(None if distracted else report.motion, len(snapshot.regions))
         if self._since_cm < STEP_CM and self._since_rad < STEP_RAD:
             return self.pose()
         self._since_cm = self._since_rad = 0.0
@@ -282,10 +294,12 @@ class Localiser:
         self.jump_cm = math.hypot(now_x - x, now_z - z) + 100 * abs(now_heading - heading)
         return self.pose()
 
-    def _turn_as_seen(self, motion: SolvedMotion | None) -> None:
+    def _turn_as_seen(self, motion: SolvedMotion | None, regions: int) -> None:
         """The net saw how far the camera turned since a moment ago: that tells what the wheels are like.
 
-        Where wheels that roll cannot have turned it so, one of them slipped: the turn is the one seen.
+        Where wheels that roll cannot have turned it so, one of them slipped: the turn is the one seen. Where
+        few ``regions`` show, a turn is hardly told from something nearer than it was thought to be. That errs
+        alike from look to look: nothing is learnt of it. But it does not begin at once, as a slip does.
         """
         m, p, now_s = self._mean, self._cov, self._odometry.t_s if self._odometry else 0.0
         if now_s - self._looked_s < SEEN_TURN_S:
@@ -293,6 +307,7 @@ class Localiser:
         heading, wheels = heading_of(self._smooth), self._odometry.sigma_rot_rad if self._odometry else 0.0
         seen = [c for c in motion.since if c.since_s == self._looked_s] if motion is not None else []
         odd, self._odd = self._odd, ()
+        least = min(regions, self._regions_since)
         begin = ROLLING_TURN_SIGMA if self._way_since_cm > ROLLS_CM else SEEN_TURN_SIGMA
         if seen and seen[0].sigma_yaw_rad < (ODD_TURN_SIGMA if odd else begin):
             turned = wrap(heading - self._looked_smooth)
@@ -302,17 +317,21 @@ class Localiser:
             )
             news = self._turned - (m[HEADING] - m[BEFORE])
             noise = self._turned_variance + wheels**2 + self._before_wheels**2
+            if not odd:
+                self._seeming_rad = SEEMING_TURN * self._way_since_cm if least < LEAST_REGIONS else 0.0
+            noise += self._seeming_rad**2
             ph = p[:, HEADING] - p[:, BEFORE]
             total = ph[HEADING] - ph[BEFORE] + noise
             if news * news < SEEN_TURN_GATE * total:
-                if seen[0].sigma_yaw_rad < SEEN_TURN_SIGMA:
-                    total += (SEEN_TURN_ALIKE * self._way_since_cm) ** 2
+                if seen[0].sigma_yaw_rad < SEEN_TURN_SIGMA and least >= LEAST_REGIONS:
+                    alike = SEEN_TURN_ALIKE if least > LEAST_REGIONS else ALIKE_OF_FOUR
+                    total += (alike * self._way_since_cm) ** 2
                     p -= np.outer(ph, ph / total)
                     self._shift(ph * (news / total))
             else:
                 self._odd = (*odd, (news, noise))
                 if len(self._odd) < ODD_TURNS:  # between two edges it may only seem so
-                    self._looked_s, self._looked_smooth = now_s, heading
+                    self._looked_s, self._looked_smooth, self._regions_since = now_s, heading, least
                     return
                 self._slipped()
         elif len(odd) > 1:  # no more is seen of it
@@ -323,6 +342,7 @@ class Localiser:
         p[:, BEFORE] = p[:, HEADING]
         self._looked_s, self._looked_smooth, self._before_wheels = now_s, heading, wheels
         self._turned = self._turned_variance = self._way_since_cm = 0.0
+        self._regions_since = regions
 
     def _slipped(self) -> None:
         """A wheel slipped, by which the robot turned otherwise than its wheels say."""
@@ -502,6 +522,7 @@ class Localiser:
                 row = free[found[i]]
                 self.landmarks[row].key = sighting.key
                 self.landmarks[row].returns += 1
+                self.landmarks[row].sure = False
                 matched.append((sighting, row))
             elif not unlike.shape[1] or unlike[i].min() > UNLIKE + CLEARLY:
                 new.append(sighting)
@@ -549,23 +570,64 @@ class Localiser:
         return across, (alike_near * sighting.sigma_near) ** 2
 
     def _correct(self, matched: list[tuple[Sighting, int]], t_s: float) -> None:
-        """One step of the filter for every sighting that is where it may be."""
-        for sighting, row in matched[:MOST_AT_ONCE]:
-            mark, found = self.landmarks[row], self._compare(sighting, row)
+        """One step of the filter for every sighting that is where it may be.
+
+        A heading in doubt leaves room for many things, and one taken for another would turn the robot's whole
+        world. A landmark that is seen again, and would turn it further than the same thing may seem off when
+        it is seen from elsewhere, waits for another one that says the same.
+        """
+        waiting = []
+        for pair in sorted(matched[:MOST_AT_ONCE], key=lambda pair: not self.landmarks[pair[1]].sure):
+            mark, found = self.landmarks[pair[1]], self._compare(*pair)
             if found is None or found.chi2 > GATE:
                 mark.strikes += 1
-                continue
-            gain = found.ph @ found.inverse
-            self._cov -= gain @ found.ph.T
-            self._shift(gain @ found.news)
-            mark.strikes = 0
-            mark.seen += 1
-            mark.seen_s = t_s
-            mark.look = mark.look.with_more(sighting.look, 0.05)
-            self.corrections += 1
+            elif mark.sure or abs(found.turn_rad) < LONE_TURN:
+                self._learn(*pair, found, t_s)
+            else:
+                waiting.append(pair)
+        for one in waiting:
+            agreeing = self._agreeing(one, [pair for pair in waiting if pair is not one])
+            if agreeing:
+                for pair in (one, *agreeing):
+                    found = self._compare(*pair)
+                    if found is not None:
+                        self._learn(*pair, found, t_s)
+                break
         for index in reversed(range(len(self.landmarks))):
             if self.landmarks[index].strikes >= STRIKES:
                 self._forget(index)
+
+    def _agreeing(
+        self, one: tuple[Sighting, int], others: list[tuple[Sighting, int]]
+    ) -> list[tuple[Sighting, int]]:
+        """Sightings that are where they should be, and would turn the robot but little, were one believed."""
+        found = self._compare(*one)
+        if found is None or not others:
+            return []
+        kept = self._mean.copy(), self._cov.copy()
+        self._correct_by(found)
+        then = [self._compare(*other) for other in others]
+        self._mean, self._cov = kept
+        return [
+            other
+            for other, found in zip(others, then, strict=True)
+            if found is not None and found.chi2 <= GATE and abs(found.turn_rad) < LONE_TURN
+        ]
+
+    def _learn(self, sighting: Sighting, row: int, found: _News, t_s: float) -> None:
+        mark = self.landmarks[row]
+        self._correct_by(found)
+        mark.sure = True
+        mark.strikes = 0
+        mark.seen += 1
+        mark.seen_s = t_s
+        mark.look = mark.look.with_more(sighting.look, 0.05)
+        self.corrections += 1
+
+    def _correct_by(self, found: _News) -> None:
+        gain = found.ph @ found.inverse
+        self._cov -= gain @ found.ph.T
+        self._shift(gain @ found.news)
 
     def _shift(self, by: np.ndarray) -> None:
         """Correct the state, (N,), and let a wrong heading still turn all places about one point as before.

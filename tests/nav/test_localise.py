@@ -31,6 +31,16 @@ FRAME_S = 1 / 15
 SPEED_CM_S, TURN_RAD_S = 20.0, 0.6
 
 
+WALLS = 1000  # from which number on regions are floor and walls
+
+
+def behind(number: int) -> Region:
+    """One of floor or wall: it tells nothing but that the picture has more regions."""
+    loop = np.array([(319.0, 0.0), (0.0, 0.0), (0.0, 239.0), (319.0, 239.0)])
+    ids, beyond = (np.arange(4),), (np.full(4, OUTSIDE),)
+    return Region(number, None, 0, 9000.0, 1.0, True, (128.0, 128.0, 128.0), (loop,), ids, beyond)
+
+
 @dataclass
 class Pillar:
     """A round thing on the floor, as the net would hand it out."""
@@ -88,6 +98,7 @@ class Robotic:
         self.turn_sigma_rad = 5e-4  # and how far off the net believes them to be
         self.looks_like_rad_s = 0.0  # how fast something that fills the picture goes to the side
         self.distracted = False  # by that
+        self.behind = 6  # regions of floor and walls
         self.earlier: list[tuple[float, float, float]] = []  # time, true heading, heading told
         self.t_s = 0.0
         self.errors: list[float] = []
@@ -154,6 +165,7 @@ class Robotic:
         nothing = VertexDepths(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros(0))
         none, empty, ids = np.zeros((0, 2)), np.zeros(0), np.zeros(0, np.int64)
         contour = Contour(none, none, ids, ids, empty, empty)
+        regions += [behind(WALLS + k) for k in range(self.behind)]
         snapshot = Snapshot(0, tuple(regions), Vertices(ids, none, empty), contour, (), 1, 0.0, 0.0)
         smooth = self.localiser.move(self.camera(self.thought))
         report = DepthReport(still, nothing, self.motion(smooth))
@@ -322,6 +334,43 @@ def test_what_stands_beside_the_camera_is_not_taken_for_what_is_seen_ahead():
     assert abs(off) < 0.02
 
 
+def seen_again(things: list[Pillar], then: list[Pillar], slipped_rad: float = 0.0) -> Robotic:
+    """What looks like one thing, or several, after it was out of view and the heading came in doubt."""
+    robot = Robotic(things, 0.0, 0.0)
+    robot.drive(12.0, 0.0)
+    assert len(robot.localiser.landmarks) == len(things)
+    robot.things = []
+    robot.drive(4.0, 0.0)
+    robot.slip(slipped_rad)
+    robot.localiser._cov[2, 2] += 0.1**2
+    robot.things = then
+    robot.names.clear()
+    robot.drive(30.0, 0.0)
+    assert sum(mark.returns for mark in robot.localiser.landmarks) == len(then)
+    return robot
+
+
+@pytest.mark.parametrize("aside_cm", [10.0, -15.0])
+def test_one_thing_taken_for_another_does_not_turn_the_robot(aside_cm: float):
+    one, other = (Pillar(x, 150.0, 8.0, 25.0, (200.0, 40.0, 40.0)) for x in (0.0, aside_cm))
+    robot = seen_again([one], [other])
+    off = wrap(heading_of(robot.localiser.pose()) - robot.true[2])
+    print(f"\n{aside_cm} cm aside: {math.degrees(off):.2f} deg off")
+    assert abs(off) < 0.025
+
+
+@pytest.mark.parametrize("slipped_rad", [0.08, -0.12])
+def test_two_things_that_say_the_same_do(slipped_rad: float):
+    things = [
+        Pillar(x, z, 8.0, 25.0, rgb)
+        for x, z, rgb in ((-20.0, 150.0, (200.0, 40.0, 40.0)), (25.0, 170.0, (40.0, 60.0, 200.0)))
+    ]
+    robot = seen_again(things, things, slipped_rad)
+    off = wrap(heading_of(robot.localiser.pose()) - robot.true[2])
+    print(f"\nslipped by {slipped_rad}: {math.degrees(off):.2f} deg off")
+    assert abs(off) < 0.025
+
+
 def test_put_elsewhere_it_finds_its_place_again_among_known_things():
     robot = Robotic(pillars(6, 8), 0.0, 0.0)
     square(robot, 1)
@@ -460,6 +509,34 @@ def test_what_moves_before_the_camera_is_no_turn_of_the_robot(looks: int):
     robot.drive(20.0, 0.0)
     assert abs(wrap(heading_of(robot.localiser.pose()) - robot.true[2])) < 0.02
     assert robot.localiser.wheel_ratio[0] == pytest.approx(0.0, abs=0.003)
+
+
+@pytest.mark.parametrize("off_rad_s", [0.03, 0.1, -0.1])
+def test_what_one_thing_alone_seems_to_tell_of_turns_moves_nothing(off_rad_s: float):
+    # with wall and floor behind it, it may as well be nearer than thought: that errs alike for seconds
+    robot = Robotic([], 0.0, 0.0)
+    robot.turn_seen_rad = 0.0005
+    robot.drive(30.0, 0.0)
+    robot.behind = 3
+    robot.looks_like_rad_s = off_rad_s
+    robot.drive(60.0, 0.0)
+    robot.behind, robot.looks_like_rad_s = 6, 0.0
+    robot.drive(30.0, 0.0)
+    off = wrap(heading_of(robot.localiser.pose()) - robot.true[2])
+    print(f"\nturns seen off by {off_rad_s} rad/s: {math.degrees(off):.2f} deg off")
+    assert abs(off) < 0.01
+    assert robot.localiser.wheel_ratio[0] == pytest.approx(0.0, abs=0.003)
+
+
+@pytest.mark.parametrize("turned", [0.05, -0.2])
+def test_one_thing_alone_still_shows_a_wheel_that_slips(turned: float):
+    robot = Robotic([], 0.0, 0.0)
+    robot.behind = 3
+    robot.turn_seen_rad = 0.001
+    robot.drive(60.0, 0.0)
+    robot.slip(turned)
+    robot.drive(20.0, 0.0)
+    assert abs(wrap(heading_of(robot.localiser.pose()) - robot.true[2])) < 0.02
 
 
 def test_a_slip_that_nobody_saw_is_made_up_for_by_what_was_known_before():
