@@ -41,6 +41,7 @@ SEEN_TURN_ALIKE = 2e-3  # and for each cm of way: seen turns err alike for decim
 ALIKE_OF_FOUR = 4e-3  # and by twice that where four regions show
 LEAST_REGIONS = 4  # fewer show at most one thing before what is behind: is it nearer than was thought,
 SEEMING_TURN = 2e-3  # that looks like a turn by so much for each cm of way, for as long as it is seen
+SLIP_REGIONS = 3  # and fewer may show nothing but that: 3e-2 for each cm
 SEEN_TURN_GATE = 9.0  # chi2 beyond which a wheel slipped, and nothing is learnt of the wheels from it
 SLIP_DOUBT = 0.3  # of such a turn stays in doubt: what moves may look like it
 ROLLS_CM, ROLLING_TURN_SIGMA = 1.0, 0.003  # wheels that roll so far may slip: looks may be so bad
@@ -309,7 +310,8 @@ class Localiser:
         odd, self._odd = self._odd, ()
         least = min(regions, self._regions_since)
         begin = ROLLING_TURN_SIGMA if self._way_since_cm > ROLLS_CM else SEEN_TURN_SIGMA
-        if seen and seen[0].sigma_yaw_rad < (ODD_TURN_SIGMA if odd else begin):
+        tells = least >= SLIP_REGIONS and bool(seen)
+        if tells and seen[0].sigma_yaw_rad < (ODD_TURN_SIGMA if odd else begin):
             turned = wrap(heading - self._looked_smooth)
             self._turned += turned + seen[0].yaw_rad
             self._turned_variance += (

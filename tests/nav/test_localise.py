@@ -511,13 +511,13 @@ def test_what_moves_before_the_camera_is_no_turn_of_the_robot(looks: int):
     assert robot.localiser.wheel_ratio[0] == pytest.approx(0.0, abs=0.003)
 
 
-@pytest.mark.parametrize("off_rad_s", [0.03, 0.1, -0.1])
-def test_what_one_thing_alone_seems_to_tell_of_turns_moves_nothing(off_rad_s: float):
+@pytest.mark.parametrize(("off_rad_s", "behind"), [(0.03, 3), (0.1, 3), (-0.1, 3), (0.3, 2)])
+def test_what_one_thing_alone_seems_to_tell_of_turns_moves_nothing(off_rad_s: float, behind: int):
     # with wall and floor behind it, it may as well be nearer than thought: that errs alike for seconds
     robot = Robotic([], 0.0, 0.0)
     robot.turn_seen_rad = 0.0005
     robot.drive(30.0, 0.0)
-    robot.behind = 3
+    robot.behind = behind
     robot.looks_like_rad_s = off_rad_s
     robot.drive(60.0, 0.0)
     robot.behind, robot.looks_like_rad_s = 6, 0.0
