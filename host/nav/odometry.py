@@ -23,7 +23,7 @@ HISTORY_S = 1.0  # poses can be asked for this far back
 START_EDGES = 8  # the start is over when a wheel has turned this far
 START_CELLS = 1.2  # wheels that differ by less than this many may have gone equally far
 EVEN_START = 0.1  # wheel speeds that differ by less than this part are a straight start
-EVEN_START_COUNTS = 0.1  # of the difference that a straight start leaves
+EVEN_START_COUNTS = 0.2  # by which wheels may differ after a straight start
 SLIP_CM2_PER_CM = 1e-4  # variance of a wheel's way that its turning does not tell: 1 mm over 1 m
 GROWN_CM = 5.0  # the covariance is carried on in steps of this way of a wheel
 
@@ -39,6 +39,8 @@ class WheelReading:
     edge_right_s: float | None
     direction_left: int = 0  # of that edge: 1 forward, -1 backward, 0 not known
     direction_right: int = 0
+    duty_left: float | None = None  # that its motor is driven with, -1 to 1; None: not known
+    duty_right: float | None = None
 
     @staticmethod
     def of(report: Telemetry, t_s: float) -> WheelReading:
@@ -49,7 +51,8 @@ class WheelReading:
             (report.count_left, report.count_right),
             (report.direction_left, report.direction_right),
         )
-        return WheelReading(t_s, *counts, left, right, *directions)
+        duties = (report.duty_left_permille / 1000, report.duty_right_permille / 1000)
+        return WheelReading(t_s, *counts, left, right, *directions, *duties)
 
 
 @dataclass(frozen=True)
@@ -137,13 +140,6 @@ class Trail:
         if max(abs(left_cm - since.left_cm), abs(right_cm - since.right_cm)) > GROWN_CM:
             self._grown = self._growth(self._grown, since, node)
             self._grown_at = node
-
-    def renumber(self, left_cm: float, right_cm: float) -> None:
-        """The travels at the newest node are these after all; the place is what it was."""
-        node = self.last._replace(left_cm=left_cm, right_cm=right_cm)
-        if self._grown_at is self.last:
-            self._grown_at = node
-        self._nodes[-1] = node
 
     def begin(self, sigma_way_cm: float, sigma_heading_rad: float) -> None:
         """How far the place where the axle is taken to have been at first may be off."""
@@ -266,8 +262,8 @@ class Odometry:
         self._rolled[0] += abs(left - before_left)
         self._rolled[1] += abs(right - before_right)
         self._counts = left, right
-        self._left.add(t_s, left, reading.edge_left_s, reading.direction_left)
-        self._right.add(t_s, right, reading.edge_right_s, reading.direction_right)
+        self._left.add(t_s, left, reading.edge_left_s, reading.direction_left, reading.duty_left)
+        self._right.add(t_s, right, reading.edge_right_s, reading.direction_right, reading.duty_right)
         self._settle()
         self._find_phase()
         for part in (self._trail, self._left, self._right):
@@ -295,30 +291,31 @@ class Odometry:
         self._trail.begin(sigma_way_cm, sigma / self._body.track_cm)
 
     def _find_phase(self) -> None:
-        """Where in its cell each wheel began: from how it started, and on a straight start both alike."""
+        """Where in its cell each wheel began: from how it started; on a straight start both much alike."""
         left, right = self._left, self._right
         assert left is not None and right is not None
         if self._phase_known or min(left.edges, right.edges) < 3:
             return
         fast = max(abs(left.velocity()), abs(right.velocity()))
         even = abs(left.velocity() - right.velocity()) < EVEN_START * fast
-        self._phase_known = even or max(left.edges, right.edges) > START_EDGES
-        if not even:
+        starts = left.lead_in(), right.lead_in()
+        by_motors = all(start.by_motor for start in starts)
+        self._phase_known = even or by_motors or max(left.edges, right.edges) > START_EDGES
+        if not even and not by_motors:
             return
-        t = self._newest_s
+        t, cell = self._newest_s, self._body.cm_per_count
         difference = left.travel(t) - right.travel(t)
-        if abs(difference) < self._body.cm_per_count:
-            back_left, sigma_left = left.lead_in()
-            back_right, sigma_right = right.lead_in()
-            a, b = sigma_right**2, sigma_left**2  # weights: the surer one counts more
-            on = (a * (back_left + difference / 2) + b * (back_right - difference / 2)) / (a + b)
-            left.shift(on - difference / 2)
-            right.shift(on + difference / 2)
-            cell = self._body.cm_per_count
-            self._begin(math.sqrt(a * b / (a + b)), EVEN_START_COUNTS * cell)
-            # both have come so much further than was thought, which the next step makes up for
-            behind_left, behind_right = (s - on for s in self._travels(self._trail.last.t_s))
-            self._trail.renumber(behind_left, behind_right)
+        if even and abs(difference) >= cell:
+            return
+        a, b = (start.sigma_cm**2 for start in starts)
+        alike = (EVEN_START_COUNTS * cell) ** 2 if even else math.inf
+        unlike = difference + starts[0].back_cm - starts[1].back_cm
+        left.shift(starts[0].back_cm - unlike * a / (a + b + alike))
+        right.shift(starts[1].back_cm + unlike * b / (a + b + alike))
+        # what the path then lacks, the next step makes up for
+        both = (a + b) / (1 + (a + b) / alike)  # variances: of their difference, and of their mean
+        mean = (a + b) / 4 - (a - b) ** 2 / (4 * (a + b + alike))
+        self._begin(math.sqrt(mean), math.sqrt(both))
 
     def _travels(self, t_s: float) -> tuple[float, float]:
         """Travel of both wheels; equal for a straight start, until the phases are known."""

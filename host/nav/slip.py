@@ -272,8 +272,8 @@ class WheelWatch:
         if len(self._lost) < STRANGE_PICTURES or sum(self._lost) < SOME_SHARE:
             return None
         return (
-            f"picture shows another place: of {due} points {len(ways.found)} are left though the wheels hardly "
-            "turned; lifted or carried away, or the camera was hit"
+            f"picture shows another place: of {due} points {len(ways.found)} are left though the wheels "
+            "hardly turned; lifted or carried away, or the camera was hit"
         )
 
     def _astray(self, ways: _Ways, begin: _Points, now: _Points) -> str | None:

@@ -4,8 +4,10 @@ A count says that a wheel is somewhere within one cell of 0.5 cm; the time of an
 exactly on a cell's border. Between edges a wheel is taken to turn evenly, so that on steady motion the
 travel is known to a small part of a count; where the borders lie, if not evenly, is learnt (see marks.py).
 
-How it begins and ends to turn is not told either, only seen: the periods of the first cells say how far the
-wheel had come before the first edge, and its speed at the last edge how far it went on.
+How it begins and ends to turn is not told either, only seen: how far the wheel had come before the first
+edge, and how far it went on after the last one, follows from what its motor was driven with and from the
+other edges' times (see motor.py). Where the duty is not known, the periods of the first cells have to say
+it, and the speed at the last edge.
 """
 
 from __future__ import annotations
@@ -14,9 +16,11 @@ import math
 from bisect import bisect_right
 from functools import cache
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
+from host.nav import motor
 from host.nav.marks import Marks
 
 AHEAD_S = 0.1  # travel may be asked for this long after the newest reading
@@ -73,6 +77,14 @@ def lead_in(periods_s: list[float], cell_cm: float) -> tuple[float, float]:
     return cell_cm * mean, cell_cm * math.sqrt(variance + 0.05**2)
 
 
+class Start(NamedTuple):
+    """Where in its cell a wheel began."""
+
+    back_cm: float  # so much further back than was taken so far, with its sign
+    sigma_cm: float
+    by_motor: bool  # known from what its motor was driven with
+
+
 class Wheel:
     """Travel of one wheel as a piecewise linear function of time through its encoder edges."""
 
@@ -90,6 +102,10 @@ class Wheel:
         self._heard_s = t_s  # up to here it is known that no further edge has come
         self._pause_s = math.inf  # between the last two edges
         self._run = 0  # edges since it last stood or turned round
+        self._duties = motor.Duties()
+        self._ahead: motor.Ahead | None = None  # by its motor, on from the last edge
+        self._ahead_as_of = (-math.inf, -math.inf)  # that edge, and the last reading by then
+        self._rest_sigma_cm = cm_per_count * REST_SIGMA_COUNTS
         self.edges = 0
 
     @property
@@ -97,9 +113,16 @@ class Wheel:
         """Up to here no later reading changes the travel."""
         return self._t[-1]
 
-    def add(self, t_s: float, count: int, edge_s: float | None, direction: int = 0) -> None:
-        """One reading; an edge without a count is the one known already, or there and back again."""
+    def add(
+        self, t_s: float, count: int, edge_s: float | None, direction: int = 0, duty: float | None = None
+    ) -> None:
+        """One reading; an edge without a count is the one known already, or there and back again.
+
+        ``duty`` is what the motor was driven with then, -1 to 1.
+        """
         heard_s, self._heard_s = self._heard_s, t_s
+        if duty is not None:
+            self._duties.add(t_s, duty)
         # What lies before the last reading was in it: a wheel that stands keeps its last edge, whose time
         # shifts the further the longer ago it was, also from before there was the first reading.
         known = edge_s is None or edge_s <= heard_s
@@ -109,7 +132,13 @@ class Wheel:
         elif self._resting:
             self._t[-1] = max(self._t[-1], t_s)
         elif t_s - self._t[-1] > self._patience_s():
-            stands = self._s[-1] + self._sign * self._roll_out()
+            by_motor = self._by_motor()
+            if by_motor is not None:
+                way, sigma = by_motor.at(math.inf)
+                self._rest_sigma_cm = min(sigma, self._cell * STOPPED_SIGMA_COUNTS)
+            else:
+                way, self._rest_sigma_cm = self._roll_out(), self._cell * STOPPED_SIGMA_COUNTS
+            stands = self._s[-1] + self._sign * way
             for when in (self._t[-1] + REST_S / 2, t_s):
                 self._t.append(when)
                 self._s.append(stands)
@@ -126,6 +155,17 @@ class Wheel:
         if not self._slows():  # then it began to brake later, anywhere in the cell
             way = max(way, self._cell / 2)
         return min(way, 0.95 * self._cell)
+
+    def _by_motor(self) -> motor.Ahead | None:
+        """How it goes on after the last edge while its motor slows down; None where no duty tells."""
+        if self._resting or self._run < 3 or not self._duties.slowing:
+            return None
+        if self._ahead_as_of != (as_of := (self._t[-1], self._heard_s)):
+            self._ahead_as_of = as_of
+            edges = slice(max(0, len(self._t) - self._run), None)
+            times, places = np.array(self._t[edges]), np.array(self._s[edges])
+            self._ahead = motor.ahead(self._duties, times, places, self._cell, self._sign, self._heard_s)
+        return self._ahead
 
     def _slows(self) -> bool:
         """The last cell took it clearly longer than the one before."""
@@ -198,17 +238,15 @@ class Wheel:
         """The counts go on, but what was learnt of the single edges is no longer true."""
         self._marks.forget()
 
-    def lead_in(self) -> tuple[float, float]:
-        """(by how much the start lies further back than is taken so far, standard error), cm, with its sign.
-
-        From the first three edges, while they are remembered and of one direction.
-        """
+    def lead_in(self) -> Start:
+        """How it started, from the first three edges, while they are remembered and of one direction."""
         t, s = self._t[1:4], self._s[1:4]  # after the rest
         steps = [(b - a) * self._sign for a, b in pairwise(s)]
         if len(steps) < 2 or not all(0.5 < step / self._cell < 1.5 for step in steps):
-            return 0.0, self._cell * REST_SIGMA_COUNTS
-        way, sigma = lead_in([b - a for a, b in pairwise(t)], self._cell)
-        return self._sign * (way - abs(s[0] - self._s[0])), sigma
+            return Start(0.0, self._cell * REST_SIGMA_COUNTS, by_motor=False)
+        known = motor.lead_in(self._duties, np.array(t), np.array(s), self._cell, self._sign)
+        way, sigma = known or lead_in([b - a for a, b in pairwise(t)], self._cell)
+        return Start(self._sign * (way - abs(s[0] - self._s[0])), sigma, by_motor=known is not None)
 
     def shift(self, cm: float) -> None:
         """Correct where in its cell the wheel stood at the start."""
@@ -218,9 +256,13 @@ class Wheel:
     def travel(self, t_s: float) -> float:
         """Travel at a time, cm; beyond the last edge it goes on, short of an edge that did not come."""
         if t_s >= self._t[-1]:
-            if self._resting:
+            if self._resting or t_s == self._t[-1]:
                 return self._s[-1]
             cell = self._cell * self._to_next()
+            known = self._by_motor()
+            if known is not None:
+                way, _ = known.at(min(t_s, self._heard_s + AHEAD_S))
+                return self._s[-1] + self._sign * min(way, cell)
             speed = self._speed_at_edge() / cell  # cells a second
             if self._stopping():
                 since_s = min(t_s, self._heard_s + AHEAD_S) - self._t[-1]
@@ -242,7 +284,7 @@ class Wheel:
     def sigma(self, t_s: float) -> float:
         """Standard error of the travel within its cell, cm, beside that of where the wheel began."""
         k = bisect_right(self._t, t_s)
-        rest = self._cell * (REST_SIGMA_COUNTS if self.edges == 0 else STOPPED_SIGMA_COUNTS)
+        rest = self._rest_sigma_cm
         if k < len(self._t):
             if k < 2 or self._s[k] == self._s[k - 1]:
                 return rest
@@ -256,7 +298,9 @@ class Wheel:
             return self._cell * REST_SIGMA_COUNTS
         bent = BENT_SIGMA_COUNTS * self._change(len(self._t) - 1)
         ahead = EVEN_SIGMA_COUNTS + bent + u * u * (AHEAD_SIGMA_COUNTS + AHEAD_BENT * bent)
-        return self._cell * min(REST_SIGMA_COUNTS, ahead)
+        sigma = self._cell * min(REST_SIGMA_COUNTS, ahead)
+        known = self._by_motor()
+        return sigma if known is None else min(sigma, known.at(t_s)[1] + self._cell * EVEN_SIGMA_COUNTS)
 
     def _change(self, k: int) -> float:
         """By how much the speed before knot ``k`` differs from that before and after, relatively."""
@@ -272,3 +316,4 @@ class Wheel:
         """Nobody will ask for times before this one."""
         keep = max(0, bisect_right(self._t, t_s) - 3)
         del self._t[:keep], self._s[:keep]
+        self._duties.forget(t_s)

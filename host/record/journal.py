@@ -96,18 +96,21 @@ def task_of(entry: Mapping[str, Any]) -> Task:
 
 def reading_as_dict(reading: WheelReading) -> Entry:
     """A wheel reading."""
-    return {
+    entry = {
         "do": "hear",
         "t_s": reading.t_s,
         "counts": [reading.count_left, reading.count_right],
         "edges_s": [reading.edge_left_s, reading.edge_right_s],
         "directions": [reading.direction_left, reading.direction_right],
     }
+    duties = [reading.duty_left, reading.duty_right]
+    return entry if duties == [None, None] else entry | {"duties": duties}
 
 
 def reading_of(entry: Mapping[str, Any]) -> WheelReading:
     """The inverse of `reading_as_dict`."""
-    return WheelReading(entry["t_s"], *entry["counts"], *entry["edges_s"], *entry["directions"])
+    both = [entry["counts"], entry["edges_s"], entry["directions"], entry.get("duties", ())]
+    return WheelReading(entry["t_s"], *(value for pair in both for value in pair))
 
 
 def command_as_dict(command: Command) -> Entry:

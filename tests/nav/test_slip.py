@@ -84,9 +84,10 @@ def test_wheels_three_percent_apart_do_not_slip():
         c, s = np.cos(heading), np.sin(heading)
         x, y, z = (points - (0.0, 0.0, way_cm)).T
         ahead = s * x + c * z
+        aside_px, down_px = LENS.fx * (c * x - s * z) / ahead, LENS.fy * y / ahead
         one.snapshot.vertices = SimpleNamespace(
             ids=np.arange(len(points)),
-            xy_px=np.column_stack([LENS.fx * (c * x - s * z) / ahead + LENS.cx, LENS.fy * y / ahead + LENS.cy]),
+            xy_px=np.column_stack([aside_px + LENS.cx, down_px + LENS.cy]),
             sigma_px=np.full(len(points), 0.1),
         )
         known = SimpleNamespace(xyz_cm=np.column_stack([x, y, z]), sigma_cm=np.full(len(points), 1.0))
@@ -94,7 +95,7 @@ def test_wheels_three_percent_apart_do_not_slip():
         assert watch.doubt(one) is None, k
 
 
-@pytest.mark.parametrize(("bright", "found"), [(90, False), (140, True)], ids=["points flicker", "all is new"])
+@pytest.mark.parametrize(("bright", "found"), [(90, False), (140, True)], ids=["they flicker", "all is new"])
 def test_points_that_are_lost_while_the_picture_changes_tell_another_place(bright, found):
     watch, said = WheelWatch(LENS), []
     for k in range(10):
