@@ -255,6 +255,18 @@ def test_how_it_ended_is_told_also_to_those_who_come_later(page):
     assert talk(look) == {"kind": "end", "outcome": "goal", "reason": "goal reached, 9 cm off"}
 
 
+def test_a_stop_that_arrives_after_the_end_does_not_hide_how_it_ended(page):
+    begin(page)
+    page.end("stopped", STOPPED)
+    status(page, "POST", "/stop", origin_of(page))
+
+    async def look(session: aiohttp.ClientSession) -> dict:
+        async with session.ws_connect(page.url + "live", headers=origin_of(page)) as line:
+            return json.loads(await line.receive_str())
+
+    assert talk(look) == {"kind": "end", "outcome": "stopped", "reason": STOPPED}
+
+
 def test_at_the_end_browsers_are_told_and_the_port_is_free_again():
     page = LivePage(port=0)
     port = urlsplit(page.url).port

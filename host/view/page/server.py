@@ -40,7 +40,7 @@ PORT = 8080
 PORTS_TRIED = 20  # from there on, where nobody asked for one
 IN_FLIGHT = 2  # pictures on their way to a browser that has not said yet that it has drawn them
 REMEMBERED = 1000  # times from exposure to drawn
-END_S = 8.0  # for saying good-bye to browsers: how it ended is the last they hear, and some are slow
+END_S = 2.0  # for saying good-bye to browsers
 STRANGER_S = 5.0  # a caller who asked for nothing that is allowed to him is hung up on after this long
 MOST_STRANGERS = 32  # at a time: each takes a file, and those the drive needs must not run out
 STOPPED = "STOP pressed on the live page"
@@ -196,7 +196,7 @@ class LivePage:
         app.add_routes([
             web.get("/", self._page), web.get("/live", self._live), web.post("/stop", self._posted_stop),
         ])  # fmt: skip
-        runner = web.AppRunner(app, handle_signals=False, access_log=None, shutdown_timeout=END_S / 4)
+        runner = web.AppRunner(app, handle_signals=False, access_log=None, shutdown_timeout=END_S / 2)
         await runner.setup()
         answer = runner.server
         assert answer is not None, "it was set up"
@@ -204,7 +204,7 @@ class LivePage:
         await self._over.wait()
         listening.close()
         # At once, as those that no longer listen would take all the time one after the other.
-        good_byes = (asyncio.wait_for(browser.socket.close(), END_S / 2) for browser in self._browsers)
+        good_byes = (asyncio.wait_for(browser.socket.close(), END_S / 4) for browser in self._browsers)
         await asyncio.gather(*good_byes, return_exceptions=True)
         await runner.cleanup()
 
@@ -308,7 +308,8 @@ class LivePage:
         self._stop_asked = True
         if self._job is not None:
             self._job.robot.halt(STOPPED)
-        self._tell({"kind": "stopped", "reason": STOPPED})
+        if self._note["kind"] != "end":  # STOP comes both ways, and by the second the drive may have ended
+            self._tell({"kind": "stopped", "reason": STOPPED})
 
 
 class _Engaged(asyncio.Protocol):
