@@ -341,6 +341,10 @@ class Mover:
         misfits = float(np.median(away)) > MISFIT_CM
         strays = now.sum() >= LEAST_RECENT and float(np.median(away[now])) > MISFIT_CM
         turned = shape[1] * before[1] <= 0.0
+        if (turned or abs(shape[1]) < LEAST_CM_S) and self.understood:
+            speed = _even_speed(times[now], places[now])
+            if abs(speed) > LEAST_CM_S:  # it goes, and not as slowly: it turned round unseen
+                return self._anew(speed)
         if misfits or strays or turned or shape[3] - shape[2] < LEAST_SPAN_CM:
             since_s = self.t_s - RECENT_S if strays else self.leg[0]
             if self.since_s < since_s:
@@ -361,6 +365,27 @@ class Mover:
             high_cm=high,
             doubt=np.linalg.inv(normal),
         )
+
+    def _anew(self, speed_cm_s: float) -> Mover:
+        """With a speed that the last second's sights alone tell, and ends that nobody knows."""
+        return replace(
+            self,
+            since_s=self.t_s - RECENT_S,
+            speed_cm_s=speed_cm_s,
+            low_cm=None,
+            high_cm=None,
+            leg=(self.t_s, self.at_cm),
+        )
+
+
+def _even_speed(times: np.ndarray, places: np.ndarray) -> float:
+    """Of places on a line if they are passed one after the other and evenly, else 0."""
+    if len(times) < LEAST_RECENT or float(np.ptp(places)) < TURNED_CM:
+        return 0.0
+    after = times - times.mean()
+    speed = float(after @ places / (after @ after))
+    off = np.abs(places - places.mean() - speed * after)
+    return speed if float(off.max()) < SIGHT_CM else 0.0
 
 
 def _wave(after_s: np.ndarray, shape: np.ndarray) -> np.ndarray:

@@ -175,6 +175,25 @@ def test_what_is_not_where_it_should_be_may_be_anywhere_until_it_is_seen_to_go_a
     assert x_of(mover, float(mover.place(np.array([until + 2.0]))[0])) == pytest.approx(-SPEED, abs=4.0)
 
 
+def test_who_turned_round_unseen_and_is_then_only_glimpsed_still_goes():
+    """Fitted slower and slower it was taken for something that stands, and was driven into."""
+
+    def sight(t_s: float, x: float) -> Sight:
+        away = math.hypot(x, LINE_Z)
+        return Sight(t_s, x, LINE_Z, (x / away, LINE_Z / away), away)
+
+    came = [sight(15.0 - k / 4, -35.0 + 12.0 * k / 4) for k in range(32, 0, -1)]
+    sights = (*came, sight(14.97, -34.7), sight(15.76, -34.3))  # between these two it turned
+    mover = Mover(
+        8, 15.76, (0.0, LINE_Z), (1.0, 0.0), -37.4, -9.3, 9.0, sights, (7.0, 61.0), seen=180, since_s=14.8,
+        named_s=15.76,
+    )  # fmt: skip
+    for k in range(30):
+        mover = mover.told(sight(15.82 + k / 15, -32.8 + 12.0 * k / 15), 8, None)
+    assert mover.goes
+    assert mover.velocity_cm_s[0] == pytest.approx(12.0, rel=0.2)
+
+
 def test_what_hides_behind_something_is_where_it_should_be():
     until = 22.0
     movers = seen(until, -60, 60)
