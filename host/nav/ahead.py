@@ -10,6 +10,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
 from host.nav import _nav
 from host.nav.config import NavConfig
 from host.nav.map import FREE, LOOKED, OCCUPIED, Obstacle, ObstacleMap
@@ -17,6 +19,7 @@ from host.nav.plan import tightest
 from host.nav.stand import AT_BORDER
 from host.pose import wrap
 
+REACH_CM = 150.0  # what is farther ahead is of no interest
 SURE_SIGMAS = 2.0  # an obstacle may be nearer than measured by so many of its sigmas
 ONTO_BLIND_CM = 3.0  # the rim goes no farther onto floor it never looked at
 LEAST_ROOM_CM = 8.0  # a heading with less room than this is no way on
@@ -45,10 +48,16 @@ class Ahead:
 
 
 def look_ahead(
-    obstacle_map: ObstacleMap, x: float, z: float, heading: float, reach_cm: float = 150.0
+    obstacle_map: ObstacleMap,
+    x: float,
+    z: float,
+    heading: float,
+    reach_cm: float = REACH_CM,
+    passed: np.ndarray | None = None,
 ) -> Ahead:
     """What the disc of the robot meets when its middle goes straight along a heading.
 
+    Cells `passed`, (N, N) bool, are taken for floor: it is known better that it goes past what they hold.
     Beyond the map nothing is known and nothing can be: for the disc its edge is a wall.
     """
     config, radius = obstacle_map.config, obstacle_map.body.radius_cm
@@ -58,7 +67,7 @@ def look_ahead(
     row0, col0 = obstacle_map.cell_of(x - reach_cm, z - reach_cm)
     row1, col1 = obstacle_map.cell_of(x + reach_cm, z + reach_cm)
     room, unseen, blind, row, col = _nav.meet(
-        obstacle_map.evidence,
+        obstacle_map.evidence if passed is None else np.where(passed, 2 * FREE, obstacle_map.evidence),
         obstacle_map.centres_cm,
         (row0, row1, col0, col1),
         x,

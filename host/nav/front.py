@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -36,6 +37,9 @@ EDGES = 0.003  # rms of feet about one or two lines: straight fronts, of which r
 EDGE_COLUMNS = 25  # the flank of a ball in fewer is as straight; it is at the side, out of the way
 SLIVER = 0.03  # feet that jump by this at either end are another thing's, through a gap of the outline
 SLIVER_COLUMNS = 4
+MOST_VOTES = 20.0  # frames that tell of a front's shape
+FLANK_CM = 7.5  # what a map's cells hold so near to a front's edge is that front
+SIDE_CM = 20.0  # or its side, up to so far behind
 CLEAR_CM = np.arange(0.0, 60.0, 5.0)  # beyond the border where it is looked whether floor is seen
 
 
@@ -81,6 +85,7 @@ class Profile:
         self._behind_cm = np.full(count, np.inf)  # the firm front that a nearer one took the place of
         self._again = np.zeros(count)  # how often it was seen since
         self._edged: set[int] = set()  # regions that stand on straight edges
+        self._shaped = np.zeros(count)  # votes for a front of known shape; below 0 it is curved somehow
 
     def place_of(self, x_cm: float, z_cm: float) -> tuple[float, float]:
         """(along, aside) of a point."""
@@ -122,7 +127,8 @@ class Profile:
         nearest[strip[order]] = order
         hit = np.flatnonzero(nearest >= 0)
         of = nearest[hit]
-        self._take(hit, along[of], z[of], doubt[columns[of]], feet, columns[of])
+        shaped = _votes_for_shape(feet, sight.standing)[columns[of]]
+        self._take(hit, along[of], z[of], doubt[columns[of]], feet, columns[of], shaped)
 
     def _fronts_of(
         self, feet: Feet, standing: tuple[Standing, ...], border: float
@@ -176,7 +182,7 @@ class Profile:
         doubtful = ~self._by_foot | (self._variance > DOUBTED_CM**2)
         lost = (self._support <= 0.0) | (doubtful & (self.along_cm < self._clear_cm - PASSED_CM))
         self.along_cm[lost], self._variance[lost], self._support[lost] = np.inf, np.inf, 0.0
-        self._region[lost] = NO_REGION
+        self._region[lost], self._shaped[lost] = NO_REGION, 0.0
         for z in (border + CLEAR_CM).tolist():
             at = np.full(len(self.aside_cm), z)
             clear = self._seen_at(feet, seen_to, at, here, turned) > z
@@ -207,6 +213,7 @@ class Profile:
         doubt: np.ndarray,
         feet: Feet,
         columns: np.ndarray,
+        shaped: np.ndarray,
     ) -> None:
         """Fuse by variance what agrees; believe what is nearer, and what is new."""
         noise = _variance_of(z, feet) + doubt**2
@@ -231,6 +238,9 @@ class Profile:
         self._support[two] = _weight_of(z[new])
         changed = agrees | new
         self._region[strips[changed]] = feet.region[columns[changed]]
+        self._shaped[two] = 0.0
+        votes = self._shaped[strips[changed]] + shaped[changed]
+        self._shaped[strips[changed]] = np.clip(votes, -MOST_VOTES, MOST_VOTES)
         self._by_foot[strips[changed]] = ~feet.cut[columns[changed]] | (
             self._by_foot[strips[changed]] & agrees[changed]
         )
@@ -263,6 +273,33 @@ class Profile:
             bool(self._support[strip] >= FIRM_SUPPORT),
         )
 
+    def is_flank(self, points_cm: np.ndarray, here_cm: tuple[float, float], radius_cm: float) -> np.ndarray:
+        """(N,) bool: places (N, 2) at fronts of known shape, seen often, that a disc from here goes past."""
+        return self._at_front_beside(points_cm, here_cm, radius_cm, self._shaped > 0.0)
+
+    def may_hang_over(
+        self, place_cm: tuple[float, float], here_cm: tuple[float, float], radius_cm: float
+    ) -> bool:
+        """Whether a place is at something curved beside the disc that nobody knows to be a ball, or not.
+
+        Floor is seen under the side of a ball, even of one that the net has made one region with a wall.
+        """
+        return bool(self._at_front_beside(np.array([place_cm]), here_cm, radius_cm, self._shaped < 0.0)[0])
+
+    def _at_front_beside(
+        self, points_cm: np.ndarray, here_cm: tuple[float, float], radius_cm: float, shaped: np.ndarray
+    ) -> np.ndarray:
+        dx, dz = points_cm[:, 0] - self._x, points_cm[:, 1] - self._z
+        along = dx * self._sine + dz * self._cosine
+        across = dx * self._cosine - dz * self._sine
+        aside = self.place_of(*here_cm)[1]
+        firm = self._by_foot & (self._support >= FIRM_SUPPORT)
+        front = np.flatnonzero(firm & shaped & (np.abs(self.aside_cm - aside) >= radius_cm))
+        off = np.abs(across[:, None] - self.aside_cm[front])
+        behind = along[:, None] - self.along_cm[front]
+        one_side = (across[:, None] > aside) == (self.aside_cm[front] > aside)
+        return (one_side & (off < FLANK_CM) & (behind > -FLANK_CM) & (behind < SIDE_CM)).any(axis=1)
+
     def clear_cm(self, x_cm: float, z_cm: float, radius_cm: float) -> float:
         """How far the disc can go over floor that was seen from near."""
         along, aside = self.place_of(x_cm, z_cm)
@@ -289,6 +326,20 @@ def _round_front(feet: Feet, thing: Standing) -> np.ndarray:
     centre = 0.5 * float(feet.across[thing.columns[0]] + feet.across[thing.columns[-1]]) * middle
     off = np.minimum(np.abs(feet.across[thing.columns] * middle - centre) / radius, 1.0)
     return middle - radius * np.sqrt(1.0 - off**2)
+
+
+def _votes_for_shape(feet: Feet, standing: tuple[Standing, ...]) -> np.ndarray:
+    """(W / 2,) 1 where a foot has straight edges or is of a thing known to be round, -1 where else curved."""
+    votes = np.zeros(len(feet.slope))
+    breaks = (np.diff(feet.region) != 0) | (np.abs(np.diff(feet.slope)) > SLIVER) | np.diff(feet.cut)
+    ends = [0, *(np.flatnonzero(breaks) + 1).tolist(), len(votes)]
+    for begin, end in pairwise(ends):
+        if end - begin >= EDGE_COLUMNS and feet.region[begin] != NO_REGION and not feet.cut[begin]:
+            votes[begin:end] = 1.0 if _rms_about_edges(feet.slope[begin:end]) < EDGES else -1.0
+    for thing in standing:
+        if thing.round_cm > 0.0:
+            votes[thing.columns[feet.region[thing.columns] == thing.region]] = 1.0
+    return votes
 
 
 def _without_slivers(slopes: np.ndarray) -> np.ndarray:

@@ -12,12 +12,12 @@ from typing import Protocol
 import cv2
 import numpy as np
 
-from host.nav.ahead import Ahead, brakeable_cm_s, look_ahead, speed_ahead
+from host.nav.ahead import REACH_CM, SURE_SIGMAS, Ahead, brakeable_cm_s, look_ahead, speed_ahead
 from host.nav.command import Command
 from host.nav.front import Met, Profile
 from host.nav.give_way import give_way, up_to
 from host.nav.intent import Plan, Wait
-from host.nav.map import Obstacle, ObstacleMap
+from host.nav.map import OCCUPIED, Obstacle, ObstacleMap
 from host.nav.odometry import body_of
 from host.nav.plan import at_points, room_around, tightest
 from host.nav.stand import AT_BORDER
@@ -263,23 +263,44 @@ class Approach:
         they say nothing, unless of what moves or has appeared below the picture.
         """
         radius, cell = obstacle_map.body.radius_cm, obstacle_map.config.cell_cm
-        ahead = look_ahead(obstacle_map, *here, heading)
+        ahead = look_ahead(obstacle_map, *here, heading, passed=self._flanks(obstacle_map, profile, here))
         met = profile.met(*here, radius)
         clear = profile.clear_cm(*here, radius)
         if clear > ahead.unseen_cm:
             ahead = replace(ahead, unseen_cm=clear)
         thing = ahead.obstacle
         fleeting = thing is not None and (thing.how == AT_BORDER or thing.moving)
+        bulges = ahead.cell_cm is not None and profile.may_hang_over(ahead.cell_cm, here, radius)
+        passed = not fleeting and not bulges and ahead.room_cm + cell < clear
         if met is not None:
-            near = met.room_cm - ahead.room_cm < COARSE_CELLS * cell + met.sigma_cm
-            passed = not fleeting and ahead.room_cm + cell < clear
+            doubt = met.sigma_cm
+            if met.firm and thing is not None and thing.region == met.region:
+                doubt += SURE_SIGMAS * ahead.sigma_cm
+            near = met.room_cm - ahead.room_cm < COARSE_CELLS * cell + doubt
             below = met.room_cm < BELOW_CM
             if near or passed or below:
                 thing, sigma = _met(obstacle_map, met), met.sigma_cm
                 return replace(ahead, room_cm=met.room_cm, obstacle=thing, edge=False, sigma_cm=sigma), met
-        elif not ahead.edge and not fleeting and ahead.room_cm + cell < clear:
+        elif not ahead.edge and passed:
             return replace(ahead, room_cm=clear, obstacle=None), None
         return ahead, None
+
+    def _flanks(
+        self, obstacle_map: ObstacleMap, profile: Profile, here: tuple[float, float]
+    ) -> np.ndarray | None:
+        """Cells that stick into the way from what stands beside it, for they are coarse; None without any."""
+        radius = obstacle_map.body.radius_cm
+        r0, c0 = obstacle_map.cell_of(here[0] - REACH_CM, here[1] - REACH_CM)
+        r1, c1 = obstacle_map.cell_of(here[0] + REACH_CM, here[1] + REACH_CM)
+        rows, cols = np.nonzero(obstacle_map.evidence[r0 : r1 + 1, c0 : c1 + 1] > OCCUPIED)
+        centres = obstacle_map.centres_cm
+        points = np.column_stack([centres[cols + c0], centres[rows + r0]])
+        flank = profile.is_flank(points, here, radius)
+        if not flank.any():
+            return None
+        cells = np.zeros_like(obstacle_map.free)
+        cells[rows[flank] + r0, cols[flank] + c0] = True
+        return cells & ~obstacle_map.brief
 
     def _step_back(
         self, obstacle_map: ObstacleMap, t_s: float, here: tuple[float, float], heading: float

@@ -193,3 +193,69 @@ def test_the_shade_before_a_thing_gives_way_to_the_thing_s_own_foot():
         foot = flat_front(50.0, 0.3, seed=k)
         look(profile, foot, 0.0, (Standing(WALL, columns, foot.depth_cm, 50.0, 1.0, "foot", FAIR),))
     assert met(profile, 0.0).along_cm == pytest.approx(50.0 + CAMERA_AHEAD_CM, abs=1.5)
+
+
+def beside_the_way(far_cm: float = 300.0) -> Columns:
+    """A box's front 80 cm away, from 15 cm aside of the way on, before a far wall of another colour."""
+    columns = Columns(np.full(160, far_cm), np.full(160, WALL + 1), np.zeros(160, bool))
+    box = ACROSS * 80.0 > 15.0
+    columns.depth_cm[box], columns.region[box] = 80.0, WALL
+    columns.slope = columns.height_cm / columns.depth_cm
+    return columns
+
+
+def ball_beside_the_way() -> Columns:
+    """A ball of 15 cm radius, 80 cm away and 22 cm aside, one region with the far wall behind it."""
+    columns = Columns(np.full(160, 300.0), np.full(160, WALL), np.zeros(160, bool))
+    middle, radius = 22.0 / 80.0, 15.0 / 80.0
+    off = np.abs(ACROSS - middle)
+    limb = np.sqrt(np.maximum(radius**2 - off**2, 0.0))  # its picture is a circle that stands on the floor
+    columns.slope = np.where(off < radius, limb, 15.0 / 300.0)
+    columns.slope = np.maximum(columns.slope, 15.0 / 300.0)
+    columns.depth_cm = columns.height_cm / columns.slope
+    return columns
+
+
+def test_cells_that_stick_into_the_way_from_a_box_beside_it_are_its_flank():
+    profile = Profile(0.0, 0.0, 0.0)
+    for _ in range(20):
+        look(profile, beside_the_way(), 0.0)
+    places = np.array([[10.0, 95.0], [10.0, 105.0], [10.0, 60.0], [0.0, 95.0], [-10.0, 95.0]])
+    flank = profile.is_flank(places, (0.0, 0.0), RADIUS_CM)
+    assert flank.tolist() == [True, True, False, False, False]
+    assert not profile.may_hang_over((10.0, 95.0), (0.0, 0.0), RADIUS_CM)
+
+
+def test_floor_that_is_seen_under_the_side_of_a_ball_does_not_clear_the_way():
+    profile = Profile(0.0, 0.0, 0.0)
+    for _ in range(20):
+        look(profile, ball_beside_the_way(), 0.0)
+    assert profile.clear_cm(0.0, 0.0, RADIUS_CM) > 80.0
+    beside = (12.0, 104.0)
+    assert profile.may_hang_over(beside, (0.0, 0.0), RADIUS_CM)
+    assert not profile.is_flank(np.array([beside]), (0.0, 0.0), RADIUS_CM).any()
+    assert not profile.may_hang_over((-12.0, 104.0), (0.0, 0.0), RADIUS_CM)
+
+
+def test_a_ball_that_is_known_to_be_round_hides_nothing_more_beside_the_way():
+    profile, columns = Profile(0.0, 0.0, 0.0), ball_beside_the_way()
+    mine = np.flatnonzero(columns.slope > 0.1)
+    columns.region[:] = WALL + 1
+    columns.region[mine] = WALL
+    ball = Standing(WALL, mine, np.full(len(mine), 65.0), 80.0, 1.0, "foot", FAIR, round_cm=15.0)
+    for _ in range(20):
+        look(profile, columns, 0.0, (ball,))
+    beside = (12.0, 95.0)
+    assert not profile.may_hang_over(beside, (0.0, 0.0), RADIUS_CM)
+    assert profile.is_flank(np.array([beside]), (0.0, 0.0), RADIUS_CM).all()
+
+
+def test_one_odd_picture_does_not_make_a_straight_front_curved():
+    profile = Profile(0.0, 0.0, 0.0)
+    for _ in range(20):
+        look(profile, beside_the_way(), 0.0)
+    odd = beside_the_way()
+    box = odd.region == WALL
+    odd.slope[box] += 0.01 * np.sin(np.linspace(0.0, 9.0, int(box.sum())))
+    look(profile, odd, 0.0)
+    assert profile.is_flank(np.array([[10.0, 95.0]]), (0.0, 0.0), RADIUS_CM).all()
