@@ -260,7 +260,8 @@ class Approach:
         """What is ahead, and its front if that was seen: then that counts and not the cells it filled.
 
         Cells are coarse, and some are filled by what was seen badly from afar. Where floor was seen from near
-        they say nothing, unless of what moves or has appeared below the picture.
+        they say nothing, unless of what moves or has appeared below the picture. What appears there again, where
+        the robot looked once more and saw floor, is a fleck of that.
         """
         radius, cell = obstacle_map.body.radius_cm, obstacle_map.config.cell_cm
         ahead = look_ahead(obstacle_map, *here, heading, passed=self._flanks(obstacle_map, profile, here))
@@ -269,7 +270,8 @@ class Approach:
         if clear > ahead.unseen_cm:
             ahead = replace(ahead, unseen_cm=clear)
         thing = ahead.obstacle
-        fleeting = thing is not None and (thing.how == AT_BORDER or thing.moving)
+        appeared = thing is not None and thing.how == AT_BORDER and not self._looked_again(here)
+        fleeting = appeared or (thing is not None and thing.moving)
         bulges = ahead.cell_cm is not None and profile.may_hang_over(ahead.cell_cm, here, radius)
         passed = not fleeting and not bulges and ahead.room_cm + cell < clear
         if met is not None:

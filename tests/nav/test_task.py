@@ -9,11 +9,14 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from planar_world import LENS, Box, PlanarWorld, random_boxes
+from test_front import Columns
 
 from host.nav.command import Command
 from host.nav.config import BodyConfig, NavConfig
+from host.nav.front import Sight
 from host.nav.map import FREE, LIMIT, Obstacle, ObstacleMap
 from host.nav.odometry import Odometry, WheelReading, body_of
+from host.nav.picture import NO_REGION
 from host.nav.stand import AT_BORDER
 from host.nav.task import Approach, Explore, MeasureOnly, Route, Task
 from host.pose import Pose
@@ -214,3 +217,21 @@ def test_what_is_remembered_beside_the_robot_does_not_keep_it_from_stepping_back
         if "look" in command.reason:
             least = min(least, z)
     assert farthest - least == pytest.approx(40.0, abs=2.0)
+
+
+def test_what_appears_below_the_picture_again_where_looking_again_showed_floor_is_a_fleck_of_it():
+    floor, task = seen_floor(), Approach(20.0)
+    fill(floor, 100.0, region=7)
+    floor.obstacles[7] = Obstacle(7, 36.0, 9.0, AT_BORDER, (-20.0, 100.0), (20.0, 100.0), 0.0)
+    bare, nowhere = np.zeros(160, bool), np.full(160, NO_REGION)
+    columns = Columns(np.full(160, 500.0), nowhere, bare)
+    said, z = [], 0.0
+    for k, (command, z) in enumerate(obeyed(floor, task)):
+        said.append(command.reason)
+        assert command.outcome is None
+        camera = 0.0, z + floor.body.camera_ahead_cm
+        floor.sight = Sight(columns, (), camera, 0.0, k / 20)  # type: ignore[arg-type]
+        if z > 110.0:
+            break
+    assert z > 110.0
+    assert any("looking again" in reason for reason in said)
